@@ -1,0 +1,3 @@
+//! Real-time avatar runtime.
+#![no_std]
+#![forbid(unsafe_code)]

@@ -1,0 +1,1 @@
+//! Validated values out, as files that other programs read.

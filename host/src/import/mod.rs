@@ -1,0 +1,15 @@
+//! Files in, `Raw…` values out.
+//!
+//! An importer reads one format, keeps what the file states, converts units and axes to the
+//! host's (metres, radians, seconds, Y up) and refuses what it cannot read with an
+//! [`ImportError`] that names the place and the remedy. What it repaired it says in a
+//! [`Notice`]. Whether the parts agree with each other is checked once, in [`crate::model`].
+
+mod error;
+mod raw;
+
+pub use error::{ImportError, ImportErrorKind, Notice, Place};
+pub use raw::{
+    Channel, Interpolation, RawAvatar, RawClip, RawJoint, RawMesh, RawMorph, RawMotion,
+    RawPrimitive, RawSkeleton, RawSkin, RawTrack, Transform,
+};

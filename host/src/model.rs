@@ -1,0 +1,1 @@
+//! Validated meshes, skeletons, skins and clips: what every stage after import works on.
