@@ -1,1 +1,3 @@
 //! Validated values out, as files that other programs read.
+
+pub mod glb;
