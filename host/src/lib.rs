@@ -6,11 +6,15 @@
 //! | --- | --- | --- |
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
+//! | [`bake`] | a validated body | the asset |
+//! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
 //! | [`export`] | validated values | files that other programs read |
 //!
 //! Lengths are metres, angles radians, times seconds, Y is up. Host arithmetic is `f64`.
 #![forbid(unsafe_code)]
 
+pub mod bake;
 pub mod export;
 pub mod import;
 pub mod model;
+pub mod reference;
