@@ -1,3 +1,6 @@
 //! Validated values out, as files that other programs read.
 
+mod body;
 pub mod glb;
+
+pub use body::write_glb_of;
