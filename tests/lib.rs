@@ -4,6 +4,8 @@
 //! that needs one calls [`shared`]; where the folder is absent the test says so and passes as
 //! skipped.
 
+pub mod gltf_oracle;
+
 use std::path::{Path, PathBuf};
 
 /// The project's root folder.
