@@ -102,7 +102,11 @@ impl Camera {
         let mut minus = [f64::NEG_INFINITY; 2];
         for corner in 0..8 {
             let pick = |axis: usize| {
-                let side = if corner >> axis & 1 == 0 { bounds.min } else { bounds.max };
+                let side = if corner >> axis & 1 == 0 {
+                    bounds.min
+                } else {
+                    bounds.max
+                };
                 side[axis]
             };
             let corner = DVec3::new(pick(0), pick(1), pick(2));
@@ -120,7 +124,8 @@ impl Camera {
             .max(distance(1, tan_y))
             .max(centre.dot(back) + 1e-3);
         let z = if bounds.min == bounds.max { z + 1.0 } else { z };
-        let eye = right * ((plus[0] - minus[0]) / 2.0) + up * ((plus[1] - minus[1]) / 2.0) + back * z;
+        let eye =
+            right * ((plus[0] - minus[0]) / 2.0) + up * ((plus[1] - minus[1]) / 2.0) + back * z;
         Self {
             eye,
             target: eye - back * (z - centre.dot(back)),
@@ -129,9 +134,24 @@ impl Camera {
         }
     }
 
+    /// Column and row of a point (metres) in a picture of this size, for labels; none where the
+    /// point is behind the eye or not finite. It may lie outside the picture.
+    #[must_use]
+    pub fn project(&self, point: DVec3, width: usize, height: usize) -> Option<[f64; 2]> {
+        let view = self.view(width.max(1), height.max(1));
+        let clip = view.clip(point.as_vec3()).as_dvec3();
+        (clip.is_finite() && clip.z >= f64::from(view.near)).then(|| {
+            [
+                (clip.x / clip.z + 1.0) / 2.0 * width as f64,
+                (1.0 - clip.y / clip.z) / 2.0 * height as f64,
+            ]
+        })
+    }
+
     /// Axes and scales for a picture of this size; any nonsense in the camera is replaced.
     pub(super) fn view(&self, width: usize, height: usize) -> View {
-        let finite = |v: DVec3, other: DVec3| if v.is_finite() { v } else { other };
+        // Rendering is in f32.
+        let finite = |v: DVec3, other| if v.as_vec3().is_finite() { v } else { other };
         let eye = finite(self.eye, DVec3::new(0.0, 1.0, 3.0));
         let target = finite(self.target, DVec3::Y);
         let back = (eye - target).try_normalize().unwrap_or(DVec3::Z);
@@ -140,8 +160,17 @@ impl Camera {
             .cross(back)
             .try_normalize()
             .filter(|right| right.is_finite())
-            .unwrap_or_else(|| DVec3::X.reject_from(back).try_normalize().unwrap_or(DVec3::Z));
-        let fov = if self.vertical_fov.is_finite() { self.vertical_fov } else { 0.5 };
+            .unwrap_or_else(|| {
+                DVec3::X
+                    .reject_from(back)
+                    .try_normalize()
+                    .unwrap_or(DVec3::Z)
+            });
+        let fov = if self.vertical_fov.is_finite() {
+            self.vertical_fov
+        } else {
+            0.5
+        };
         let tan_y = (fov.clamp(1e-3, 3.0) / 2.0).tan();
         let distance = (eye - target).length();
         View {
@@ -204,6 +233,13 @@ mod tests {
         let view = camera.view(200, 100);
         let clip = view.clip(Vec3::new(2.0, 1.0, 1.0));
         assert!((clip - Vec3::new(1.0, 1.0, 4.0)).length() < 1e-6);
+        // A quarter of the half width right of the middle, a quarter of the half height above.
+        let [x, y] = camera.project(DVec3::new(2.0, 1.0, 1.0), 200, 100).unwrap();
+        assert!(
+            (x - 125.0).abs() < 1e-4 && (y - 37.5).abs() < 1e-4,
+            "{x} {y}"
+        );
+        assert_eq!(camera.project(DVec3::new(0.0, 0.0, 6.0), 200, 100), None);
         assert!((view.ray(1.0, -1.0) - Vec3::new(2.0, -1.0, -1.0)).length() < 1e-6);
     }
 
@@ -222,7 +258,9 @@ mod tests {
                     pick(2, -2.0, -1.5),
                 ));
                 assert!(clip.z > view.near);
-                widest = widest.max((clip.x / clip.z).abs()).max((clip.y / clip.z).abs());
+                widest = widest
+                    .max((clip.x / clip.z).abs())
+                    .max((clip.y / clip.z).abs());
             }
             assert!((widest - 0.93).abs() < 1e-3, "{widest}");
         }
