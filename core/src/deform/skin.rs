@@ -163,7 +163,6 @@ fn blend<L: Lanes>(
             *sum = sum.add(L::splat(token, value).mul(weight));
         }
     }
-    // A power of two, so this rounds nothing.
     let unit = L::splat(token, 1.0 / WEIGHT_ONE as f32);
     sum.map(|value| value.mul(unit))
 }
