@@ -7,11 +7,11 @@
 //!   which they are listed: `Zrotation Xrotation Yrotation` is `Rz * Rx * Ry`. Position channels
 //!   may stand before, after or between them; the translation is always applied last.
 //! - **Position.** Programs disagree on a joint that has both an `OFFSET` and position channels.
-//!   Blender, MotionBuilder, Axis Neuron and the readers pybvh and bvhio take the channels *instead
-//!   of* the `OFFSET`; the original description of the root and MakeHuman's files *add* them to it.
-//!   Read the wrong way, a skeleton collapses into one point or grows to twice its size, so joints
-//!   below the root show which is meant: numbers that stay near zero are added, numbers that stay
-//!   near the `OFFSET` replace it. Without such a joint they replace it, as most programs do.
+//!   Blender (both ways) and the readers pybvh and bvhio take the channels *instead of* the
+//!   `OFFSET`; the early description of the root and MakeHuman's files *add* them to it. Read the
+//!   wrong way, a skeleton collapses into one point or grows to twice its size, so joints below the
+//!   root show which is meant: numbers that stay near zero are added, numbers that stay near the
+//!   `OFFSET` replace it. Without such a joint they replace it, as in most programs.
 //!   [`BvhOptions::positions`] overrules. An axis without a channel keeps its `OFFSET`.
 //! - **Unit and axes.** Neither is stated. The unit is found by comparing the rest pose with a
 //!   human; Y is up unless [`BvhOptions::z_up`].
@@ -111,14 +111,9 @@ fn complete_positions(
     notices: &mut Vec<Notice>,
 ) {
     let meaning = options.positions.unwrap_or_else(|| {
-        if unit::positions_are_changes(joints, motion) == Some(true) {
-            let text = "position channels stay near zero where the OFFSET is not: they are added \
-                        to the OFFSET";
-            notices.push(Notice::new(Place::File, text));
-            BvhPositions::Change
-        } else {
-            BvhPositions::Whole
-        }
+        let (meaning, text) = guess_positions(joints, motion);
+        notices.extend(text.map(|text| Notice::new(Place::File, text)));
+        meaning
     });
     for track in motion {
         let joint = &joints[track.joint];
@@ -131,6 +126,29 @@ fn complete_positions(
                     .iter_mut()
                     .for_each(|key| key[axis] += offset);
             }
+        }
+    }
+}
+
+/// What position channels mean where nobody says, and what to tell of it.
+fn guess_positions(
+    joints: &[Joint],
+    motion: &[JointMotion],
+) -> (BvhPositions, Option<&'static str>) {
+    match unit::positions_are_changes(joints, motion) {
+        Some(true) => {
+            let text = "position channels stay near zero where the OFFSET is not: they are added \
+                        to the OFFSET";
+            (BvhPositions::Change, Some(text))
+        }
+        Some(false) => (BvhPositions::Whole, None),
+        None => {
+            let doubtful = motion.iter().any(|track| {
+                !track.positions.is_empty() && joints[track.joint].offset != DVec3::ZERO
+            });
+            let text = "position channels of a root with an OFFSET are taken as the whole \
+                        translation; state otherwise if they are to be added";
+            (BvhPositions::Whole, doubtful.then_some(text))
         }
     }
 }

@@ -199,6 +199,23 @@ fn positions_replace_or_add_as_the_data_shows() {
 }
 
 #[test]
+fn a_root_alone_cannot_show_what_its_positions_mean() {
+    let text = SMALL.replace("OFFSET 0 0 0\n", "OFFSET 0 9 0\n");
+    let motion = read(&text);
+    assert!(says(&motion, "root with an OFFSET"));
+    let whole = [1.0, 2.0, 3.0, 0.0];
+    assert_eq!(track(&motion, 0, Channel::Translation).values[0], whole);
+    let options = BvhOptions {
+        positions: Some(BvhPositions::Change),
+        ..metres()
+    };
+    let motion = read_bvh_with(text.as_bytes(), "x", &options).expect("a good file");
+    assert_eq!(motion.notices, []);
+    let change = [1.0, 11.0, 3.0, 0.0];
+    assert_eq!(track(&motion, 0, Channel::Translation).values[0], change);
+}
+
+#[test]
 fn the_unit_is_guessed_from_the_rest_pose() {
     for (height, unit, name) in [
         ("1.62", 1.0, "metres"),
