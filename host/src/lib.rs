@@ -19,4 +19,6 @@ pub mod export;
 pub mod fit;
 pub mod import;
 pub mod model;
+pub mod play;
 pub mod reference;
+pub mod verify;
