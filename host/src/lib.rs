@@ -8,6 +8,7 @@
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
 //! | [`bake`] | a validated body | the asset |
 //! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`export`] | validated values | files that other programs read |
 //!
 //! Lengths are metres, angles radians, times seconds, Y is up. Host arithmetic is `f64`.
@@ -15,6 +16,7 @@
 
 pub mod bake;
 pub mod export;
+pub mod fit;
 pub mod import;
 pub mod model;
 pub mod play;
