@@ -276,6 +276,19 @@ impl<'a> Asset<'a> {
 }
 
 impl<'a> Clip<'a> {
+    /// Times in seconds at which the source was sampled, from 0 to the last; where it was not
+    /// sampled evenly, 30 a second.
+    #[inline]
+    pub fn sample_times(&self) -> impl ExactSizeIterator<Item = f32> + use<> {
+        let period = if self.sample_period > 0.0 {
+            self.sample_period
+        } else {
+            1.0 / 30.0
+        };
+        let steps = (self.duration / period + 0.5) as u32;
+        (0..steps.saturating_add(1)).map(move |step| step as f32 * period)
+    }
+
     /// Its tracks, sorted by joint.
     #[inline]
     pub fn tracks(&self) -> impl Iterator<Item = Track<'a>> + use<'a> {
