@@ -124,7 +124,7 @@ fn blocks_by<L: Lanes>(
 }
 
 /// Added to squared lengths: far below one, far above where a reciprocal would overflow.
-const SMALLEST_LENGTH2: f32 = 1e-20;
+pub(super) const SMALLEST_LENGTH2: f32 = 1e-20;
 
 #[derive(Default)]
 struct Skinned {
