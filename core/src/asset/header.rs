@@ -19,7 +19,7 @@ pub const SECTION_ROW_BYTES: usize = 16;
 pub const LANES: usize = 8;
 
 /// Skin weights are integers; those of a vertex sum to this.
-pub const WEIGHT_ONE: u16 = 1 << 15;
+pub const WEIGHT_ONE: u16 = u16::MAX;
 
 /// "No parent" in the parents' section.
 pub const NO_PARENT: u16 = 0xFFFF;

@@ -19,7 +19,7 @@ pub(super) trait Lanes: Copy {
     fn splat(token: Self::Token, value: f32) -> Self;
     /// Lanes `first..first + WIDTH`; zero where `first` is out of range.
     fn load(token: Self::Token, from: &[f32; LANES], first: usize) -> Self;
-    /// Parts of one; the factor is a power of two, so this rounds nothing.
+    /// Parts of one, each rounded once.
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
     /// Some of the lanes, from lane `first` of this register on.
     fn part(self, first: usize) -> Self::Part;

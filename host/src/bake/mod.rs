@@ -36,7 +36,7 @@ pub struct BakeReport {
     pub dims: Dims,
     /// Length of each section.
     pub section_bytes: Vec<(SectionKind, usize)>,
-    /// Largest change of a weight by rounding to 15 bits.
+    /// Largest change of a weight by rounding to 16 bits.
     pub weight_error: f64,
     /// Keys in the source and keys kept.
     pub keys: (usize, usize),

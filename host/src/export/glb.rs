@@ -28,7 +28,7 @@ pub struct GlbScene<'a> {
     pub name: &'a str,
     /// `[vertices]`, in the bind pose.
     pub positions: &'a [DVec3],
-    /// `[vertices]`; need not be unit length.
+    /// `[vertices]`; made unit length, +Y where zero.
     pub normals: Option<&'a [DVec3]>,
     /// `[triangles]`, vertex indices.
     pub triangles: &'a [[u32; 3]],

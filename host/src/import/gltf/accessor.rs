@@ -269,7 +269,11 @@ impl<'a> Reader<'a> {
             None => {
                 let loaded = buffer::load(&document.buffers[buffer], self.bin, self.folder)
                     .map_err(|kind| item_fault(kind, format!("buffers[{buffer}]")))?;
-                self.bytes_held += loaded.len() as u64;
+                if let Cow::Owned(bytes) = &loaded {
+                    self.bytes_held += bytes.len() as u64;
+                    // Many buffers may name one large file.
+                    self.charge(bytes.len() as u64 / 8, &item)?;
+                }
                 loaded
             }
         };
