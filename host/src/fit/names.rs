@@ -174,7 +174,8 @@ fn drop_shared(all: &mut [Vec<String>]) {
         for _ in 0..MOST_SHARED {
             let edge = |words: &Vec<String>| {
                 let word = if last { words.last() } else { words.first() };
-                word.filter(|_| words.len() > 1).cloned()
+                word.filter(|word| words.len() > 1 && side(word).is_none())
+                    .cloned()
             };
             let Some(shared) = all.get(all.len() / 2).and_then(edge) else {
                 break;
