@@ -79,8 +79,10 @@ pub enum FitError {
         /// Roles by their VRM names.
         roles: Vec<String>,
     },
-    /// Legs and head that hang on different roots.
-    #[error("{which}: its legs, arms and head do not hang together; give it one root joint")]
+    /// Legs and head that hang on different roots, or not on the joint named as hips.
+    #[error(
+        "{which}: its legs, arms and head do not all hang on one joint; give it one root, or name other hips"
+    )]
     Apart {
         /// Which skeleton.
         which: Which,

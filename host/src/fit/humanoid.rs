@@ -81,6 +81,8 @@ const FINGERS: [Finger; 6] = [
 /// What a joint is in a human body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
+    /// Where the legs and the rest come together; found by structure, unless it is named.
+    Hips,
     /// The head.
     Head,
     /// A joint of an arm or leg.
@@ -94,6 +96,7 @@ impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let side = |side: &Side| if *side == Side::Left { "left" } else { "right" };
         match self {
+            Self::Hips => f.write_str("hips"),
             Self::Head => f.write_str("head"),
             Self::Limb(s, part) => write!(f, "{}{part:?}", side(s)),
             Self::Finger(s, Finger::All, _) => write!(f, "{}Fingers", side(s)),
@@ -129,7 +132,10 @@ impl Role {
             };
             FINGERS.into_iter().flat_map(of)
         });
-        std::iter::once(Self::Head).chain(limbs).chain(fingers)
+        [Self::Hips, Self::Head]
+            .into_iter()
+            .chain(limbs)
+            .chain(fingers)
     }
 
     /// The role of this VRM name, in any case.
@@ -151,7 +157,7 @@ pub struct Humanoid {
     pub spine: Vec<usize>,
     /// From above that joint to the head.
     pub neck: Vec<usize>,
-    /// Limbs, fingers and the head; a rig without a head joint has its last neck joint here.
+    /// Limbs, fingers and the head (the hips stand above); a rig without a head joint has its last neck joint here.
     pub roles: BTreeMap<Role, usize>,
 }
 
@@ -336,7 +342,11 @@ impl Humanoid {
         let legs = of(Part::UpperLeg).into_iter().flatten();
         let all: Vec<usize> = upper.iter().copied().chain(legs).collect();
         let apart = || FitError::Apart { which };
-        let hips = common(skeleton, &all).ok_or_else(apart)?;
+        let lowest = common(skeleton, &all).ok_or_else(apart)?;
+        let hips = roles.remove(&Role::Hips).unwrap_or(lowest);
+        if hips != lowest && !ancestors(skeleton, lowest).any(|above| above == hips) {
+            return Err(apart());
+        }
         let thorax = if upper.len() > 1 {
             common(skeleton, &upper).ok_or_else(apart)?
         } else {

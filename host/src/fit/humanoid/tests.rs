@@ -95,6 +95,26 @@ fn two_actors_in_one_file_are_ambiguous() {
 }
 
 #[test]
+fn hips_can_be_named_if_everything_hangs_below_them() {
+    let mut joints = vec![("Root", 0)];
+    let below = |&(name, parent): &(&'static str, usize)| (name, parent + 1);
+    joints.extend(CMU.iter().map(below));
+    joints[1].1 = 0;
+    let long = skeleton(&joints);
+    let with = |hips| {
+        let mut named = candidates(&long);
+        named.insert(Role::Hips, vec![hips]);
+        Humanoid::choose(&long, Which::Source, &named)
+    };
+    assert_eq!(Humanoid::new(&long, Which::Source).unwrap().hips, 1);
+    let human = with(0).unwrap();
+    assert_eq!((human.hips, &human.spine[..]), (0, &[1, 11, 12, 13][..]));
+    assert!(!human.roles.contains_key(&Role::Hips));
+    let which = Which::Source;
+    assert_eq!(with(11).unwrap_err(), FitError::Apart { which });
+}
+
+#[test]
 fn missing_legs_are_named() {
     let error = Humanoid::new(&skeleton(&CMU[..9]), Which::Target).unwrap_err();
     let FitError::MissingRole { roles, .. } = &error else {
