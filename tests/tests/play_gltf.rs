@@ -18,7 +18,10 @@ fn worst_error(path: &std::path::Path) -> f64 {
     let baked = bake(&body, &BakeOptions::default()).expect("bakes");
     let mut player = Player::new(baked.bytes.asset().expect("sound"));
     let clip = raw.clips.first();
-    let keys = clip.iter().flat_map(|clip| &clip.tracks).flat_map(|track| &track.times);
+    let keys = clip
+        .iter()
+        .flat_map(|clip| &clip.tracks)
+        .flat_map(|track| &track.times);
     let keys: BTreeSet<u64> = keys.map(|time| time.to_bits()).chain([0]).collect();
     let keys: Vec<f64> = keys.into_iter().map(f64::from_bits).collect();
     let middles = keys.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
@@ -27,7 +30,11 @@ fn worst_error(path: &std::path::Path) -> f64 {
         // The core is asked for the nearest `f32`, so the equations are too.
         let seconds = time as f32;
         let input = match clip {
-            Some(_) => Input::Clip { index: 0, seconds, looped: false },
+            Some(_) => Input::Clip {
+                index: 0,
+                seconds,
+                looped: false,
+            },
             None => Input::Rest,
         };
         player.step(&input);
@@ -41,14 +48,18 @@ fn worst_error(path: &std::path::Path) -> f64 {
 
 #[test]
 fn cesium_man_follows_the_equations_in_every_key_frame() {
-    let Some(path) = shared("mesh/cesium_man.gltf") else { return };
+    let Some(path) = shared("mesh/cesium_man.gltf") else {
+        return;
+    };
     let worst = worst_error(&path);
     assert!(worst <= 1e-5, "{worst} m");
 }
 
 #[test]
 fn a_rig_of_two_joints_follows_the_equations() {
-    let Some(path) = shared("mesh/rigged_simple.gltf") else { return };
+    let Some(path) = shared("mesh/rigged_simple.gltf") else {
+        return;
+    };
     // Ten metres tall.
     let worst = worst_error(&path);
     assert!(worst <= 5e-5, "{worst} m");
