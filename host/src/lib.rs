@@ -6,6 +6,7 @@
 //! | --- | --- | --- |
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
+//! | [`take`] | `Raw…` values | validated marker captures |
 //! | [`export`] | validated values | files that other programs read |
 //!
 //! Lengths are metres, angles radians, times seconds, Y is up. Host arithmetic is `f64`.
@@ -14,3 +15,4 @@
 pub mod export;
 pub mod import;
 pub mod model;
+pub mod take;

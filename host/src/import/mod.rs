@@ -5,8 +5,14 @@
 //! [`ImportError`] that names the place and the remedy. What it repaired it says in a
 //! [`Notice`]. Whether the parts agree with each other is checked once, in [`crate::model`].
 
+pub mod c3d;
 mod error;
+pub mod marker_csv;
+pub mod motive_csv;
 mod raw;
+mod table;
+pub mod take;
+pub mod trc;
 
 pub use error::{ImportError, ImportErrorKind, Notice, Place};
 pub use raw::{

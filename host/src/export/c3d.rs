@@ -1,0 +1,495 @@
+//! C3D files out: Intel byte order, real numbers.
+//!
+//! Enters: a [`RawTake`]. Leaves: header, parameters (POINT, TRIAL, EVENT, and the ANALOG and
+//! FORCE_PLATFORM groups that the format asks for, without channels), and every point of every
+//! frame in the take's own units and axes. Layout: *The C3D File Format User Guide* (c3d.org).
+
+use std::io::{self, Write};
+
+use crate::import::take::{LengthUnit, PointKind, RawTake, UpAxis, is_present};
+
+const BLOCK: usize = 512;
+/// Texts that one parameter holds, by a dimension of 8 bits.
+const TEXTS: usize = 255;
+
+/// A take that C3D cannot hold, or a disk that refuses.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum C3dWriteError {
+    /// The writer failed.
+    #[error("cannot be written ({0}); check the path and the space on the disk")]
+    Io(#[from] io::Error),
+    /// A count beyond the format's.
+    #[error("{what}: {count}, but C3D holds at most {limit}; split the take")]
+    TooMany {
+        /// What is counted.
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A label that does not fit into a parameter.
+    #[error("label {label:?} has {bytes} bytes, but C3D holds at most {limit}; shorten it")]
+    LongLabel {
+        /// The label.
+        label: String,
+        /// Its length in UTF-8.
+        bytes: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// Lists of the take that contradict each other.
+    #[error("{what}: {found} given, {expected} expected")]
+    Mismatch {
+        /// Which list.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// What the counts ask for.
+        expected: usize,
+    },
+}
+
+/// Writes a take as C3D. Coordinates become `f32`; a sample that is missing, or beyond `f32`, is
+/// written as (0, 0, 0) with residual -1.
+///
+/// Analog channels and rigid bodies are not written.
+///
+/// # Errors
+/// The take has more points, events or label text than the format can say, a list's length is
+/// wrong, or `out` fails.
+pub fn write_c3d(take: &RawTake, out: &mut dyn Write) -> Result<(), C3dWriteError> {
+    check(take)?;
+    let scale = residual_scale(take);
+    // The block where the data begins is part of what comes before it: write once to measure.
+    let len = parameters(take, scale, 0)?.len();
+    let blocks = len.div_ceil(BLOCK);
+    limit("blocks of parameters", blocks, 255)?;
+    let data_block = 2 + blocks;
+    let mut section = parameters(take, scale, data_block)?;
+    section[2] = blocks as u8;
+    section.resize(blocks * BLOCK, 0);
+
+    out.write_all(&header(take, scale, data_block))?;
+    out.write_all(&section)?;
+    let mut frame_bytes = Vec::with_capacity(take.point_count() * 16);
+    for frame in 0..take.frame_count {
+        frame_bytes.clear();
+        for point in 0..take.point_count() {
+            write_sample(take, take.index(frame, point), scale, &mut frame_bytes);
+        }
+        out.write_all(&frame_bytes)?;
+    }
+    let written = take.frame_count * take.point_count() * 16;
+    let padding = written.next_multiple_of(BLOCK) - written;
+    out.write_all(&[0; BLOCK][..padding])?;
+    Ok(())
+}
+
+fn check(take: &RawTake) -> Result<(), C3dWriteError> {
+    limit("points", take.point_count(), 65_535)?;
+    limit("frames", take.frame_count, u32::MAX as usize)?;
+    limit("events", take.events.len(), TEXTS)?;
+    let expected = take.point_count().saturating_mul(take.frame_count);
+    for (what, found, may_be_empty) in [
+        ("positions", take.positions.len(), false),
+        ("residuals", take.residuals.len(), true),
+        ("cameras", take.cameras.len(), true),
+    ] {
+        if found != expected && !(may_be_empty && found == 0) {
+            return Err(C3dWriteError::Mismatch {
+                what,
+                found,
+                expected,
+            });
+        }
+    }
+    if take.kinds.len() != take.point_count() {
+        let (found, expected) = (take.kinds.len(), take.point_count());
+        return Err(C3dWriteError::Mismatch {
+            what: "kinds",
+            found,
+            expected,
+        });
+    }
+    Ok(())
+}
+
+fn limit(what: &'static str, count: usize, limit: usize) -> Result<(), C3dWriteError> {
+    if count > limit {
+        Err(C3dWriteError::TooMany { what, count, limit })
+    } else {
+        Ok(())
+    }
+}
+
+/// Step of the 8-bit residual: the source's, else 0.01 mm in the take's unit.
+fn residual_scale(take: &RawTake) -> f32 {
+    let stored = take
+        .scale
+        .map(f32::abs)
+        .filter(|scale| scale.is_finite() && *scale > 0.0);
+    stored.unwrap_or((1e-5 / take.unit.metres()) as f32)
+}
+
+fn last_frame(take: &RawTake) -> u64 {
+    (take.first_frame + take.frame_count as u64).saturating_sub(1)
+}
+
+/// What fits into 16 bits; more than that is 65535, and the TRIAL group says the rest.
+fn word(value: u64) -> [u8; 2] {
+    u16::try_from(value).unwrap_or(u16::MAX).to_le_bytes()
+}
+
+fn header(take: &RawTake, scale: f32, data_block: usize) -> [u8; BLOCK] {
+    let mut bytes = [0; BLOCK];
+    let mut put =
+        |offset: usize, value: &[u8]| bytes[offset..offset + value.len()].copy_from_slice(value);
+    put(0, &[2, 0x50]);
+    put(2, &word(take.point_count() as u64));
+    put(6, &word(take.first_frame));
+    put(8, &word(last_frame(take)));
+    put(10, &word(10));
+    put(12, &(-scale).to_le_bytes());
+    put(16, &word(data_block as u64));
+    put(20, &(take.rate as f32).to_le_bytes());
+    // The mark that event labels of four letters are supported.
+    put(298, &word(12345));
+    bytes
+}
+
+fn write_sample(take: &RawTake, index: usize, scale: f32, out: &mut Vec<u8>) {
+    let position = take.positions[index].map(|value| value as f32);
+    let seen = is_present(take.positions[index]) && position.iter().all(|value| value.is_finite());
+    let last = if seen {
+        let residual = take.residuals.get(index).copied().unwrap_or(0.0).max(0.0);
+        let steps = (residual / scale).round().min(255.0) as u8;
+        let cameras = take.cameras.get(index).copied().unwrap_or(0) & 0x7f;
+        f32::from(u16::from_be_bytes([cameras, steps]))
+    } else {
+        -1.0
+    };
+    for value in if seen { position } else { [0.0; 3] } {
+        out.extend(value.to_le_bytes());
+    }
+    out.extend(last.to_le_bytes());
+}
+
+/// The parameter section without its padding; byte 2, the block count, is left 0.
+fn parameters(take: &RawTake, scale: f32, data_block: usize) -> Result<Vec<u8>, C3dWriteError> {
+    let mut section = Section(vec![1, 0x50, 0, 84]);
+    section.group(1, "POINT", "3-D point parameters");
+    section.word(1, "USED", take.point_count() as u64);
+    section.real(1, "SCALE", -scale);
+    section.real(1, "RATE", take.rate as f32);
+    section.word(1, "DATA_START", data_block as u64);
+    section.word(1, "FRAMES", take.frame_count as u64);
+    if take.frame_count > 65_535 {
+        section.real(1, "LONG_FRAMES", take.frame_count as f32);
+    }
+    section.texts(1, "UNITS", &[unit_text(take.unit)])?;
+    let (right, up) = screen(take.up);
+    section.texts(1, "X_SCREEN", &[right])?;
+    section.texts(1, "Y_SCREEN", &[up])?;
+    let labels: Vec<&str> = take.labels.iter().map(String::as_str).collect();
+    section.long_texts(1, "LABELS", &labels)?;
+    section.long_texts(1, "DESCRIPTIONS", &vec![" "; labels.len()])?;
+    kinds(take, &mut section)?;
+
+    section.group(2, "ANALOG", "Analog data parameters");
+    section.word(2, "USED", 0);
+    section.real(2, "GEN_SCALE", 1.0);
+    section.real(2, "RATE", take.rate as f32);
+    for name in ["LABELS", "DESCRIPTIONS", "UNITS"] {
+        section.texts(2, name, &[])?;
+    }
+    section.entry(2, "SCALE", 4, &[0], &[]);
+    section.entry(2, "OFFSET", 2, &[0], &[]);
+    section.group(3, "FORCE_PLATFORM", "Force platform parameters");
+    section.word(3, "USED", 0);
+
+    section.group(4, "TRIAL", "Trial parameters");
+    for (name, frame) in [
+        ("ACTUAL_START_FIELD", take.first_frame),
+        ("ACTUAL_END_FIELD", last_frame(take)),
+    ] {
+        let frame = u32::try_from(frame).unwrap_or(u32::MAX);
+        section.entry(4, name, 2, &[2], &frame.to_le_bytes());
+    }
+    if !take.events.is_empty() {
+        section.group(5, "EVENT", "Events");
+        section.word(5, "USED", take.events.len() as u64);
+        let column = |text: fn(&crate::import::take::RawEvent) -> &str| {
+            take.events.iter().map(text).collect()
+        };
+        let labels: Vec<&str> = column(|event| &event.label);
+        let contexts: Vec<&str> = column(|event| &event.context);
+        section.texts(5, "LABELS", &labels)?;
+        section.texts(5, "CONTEXTS", &contexts)?;
+        // Minutes, then seconds.
+        let times = take.events.iter().flat_map(|event| {
+            let minutes = (event.seconds / 60.0).trunc();
+            [minutes as f32, (event.seconds - minutes * 60.0) as f32]
+        });
+        let times: Vec<u8> = times.flat_map(f32::to_le_bytes).collect();
+        section.entry(5, "TIMES", 4, &[2, take.events.len() as u8], &times);
+    }
+    section.0.push(0);
+    Ok(section.0)
+}
+
+/// Names the points that are no positions, the way Vicon does.
+fn kinds(take: &RawTake, section: &mut Section) -> Result<(), C3dWriteError> {
+    const GROUPS: [(PointKind, &str, &str); 6] = [
+        (PointKind::Angle, "ANGLES", "ANGLE"),
+        (PointKind::Force, "FORCES", "FORCE"),
+        (PointKind::Moment, "MOMENTS", "MOMENT"),
+        (PointKind::Power, "POWERS", "POWER"),
+        (PointKind::Scalar, "SCALARS", "SCALAR"),
+        (PointKind::Model, "MODELED_MARKERS", "MODELED_MARKER"),
+    ];
+    let mut used = Vec::new();
+    for (kind, name, single) in GROUPS {
+        let members = take
+            .kinds
+            .iter()
+            .zip(&take.labels)
+            .filter(|(other, _)| **other == kind);
+        let labels: Vec<&str> = members.map(|(_, label)| label.as_str()).collect();
+        if !labels.is_empty() {
+            section.long_texts(1, name, &labels)?;
+            used.extend([name, single]);
+        }
+    }
+    if used.is_empty() {
+        Ok(())
+    } else {
+        section.pairs(1, "TYPE_GROUPS", &used)
+    }
+}
+
+fn unit_text(unit: LengthUnit) -> &'static str {
+    unit.symbol()
+}
+
+/// POINT:X_SCREEN and POINT:Y_SCREEN: a horizontal axis, and the one that points up.
+fn screen(up: UpAxis) -> (&'static str, &'static str) {
+    let right = if matches!(up, UpAxis::PlusX | UpAxis::MinusX) {
+        "+Z"
+    } else {
+        "+X"
+    };
+    (right, up.symbol())
+}
+
+/// A parameter section under construction.
+struct Section(Vec<u8>);
+
+impl Section {
+    fn group(&mut self, number: u8, name: &str, description: &str) {
+        self.0.extend([name.len() as u8, number.wrapping_neg()]);
+        self.0.extend(name.as_bytes());
+        self.0.extend((3 + description.len() as u16).to_le_bytes());
+        self.0.push(description.len() as u8);
+        self.0.extend(description.as_bytes());
+    }
+
+    /// One parameter; the caller keeps `value` below 32 KiB and `dimensions` in step with it.
+    fn entry(&mut self, group: u8, name: &str, kind: i8, dimensions: &[u8], value: &[u8]) {
+        self.0.extend([name.len() as u8, group]);
+        self.0.extend(name.as_bytes());
+        let step = 2 + 1 + 1 + dimensions.len() + value.len() + 1;
+        self.0.extend((step as u16).to_le_bytes());
+        self.0.extend([kind as u8, dimensions.len() as u8]);
+        self.0.extend(dimensions);
+        self.0.extend(value);
+        self.0.push(0);
+    }
+
+    fn word(&mut self, group: u8, name: &str, value: u64) {
+        self.entry(group, name, 2, &[], &word(value));
+    }
+
+    fn real(&mut self, group: u8, name: &str, value: f32) {
+        self.entry(group, name, 4, &[], &value.to_le_bytes());
+    }
+
+    /// Up to 255 texts as one parameter, padded with blanks to one length.
+    fn texts(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), C3dWriteError> {
+        let letters = longest(texts)?;
+        self.entry(
+            group,
+            name,
+            -1,
+            &[letters as u8, texts.len() as u8],
+            &padded(texts, letters),
+        );
+        Ok(())
+    }
+
+    /// Any number of texts: `NAME`, then `NAME2`, `NAME3` and so on.
+    fn long_texts(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), C3dWriteError> {
+        self.texts(group, name, &texts[..texts.len().min(TEXTS)])?;
+        for (number, part) in texts.chunks(TEXTS).enumerate().skip(1) {
+            self.texts(group, &format!("{name}{}", number + 1), part)?;
+        }
+        Ok(())
+    }
+
+    /// Pairs of texts as an array of three dimensions.
+    fn pairs(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), C3dWriteError> {
+        let letters = longest(texts)?;
+        let dimensions = [letters as u8, 2, (texts.len() / 2) as u8];
+        self.entry(group, name, -1, &dimensions, &padded(texts, letters));
+        Ok(())
+    }
+}
+
+/// Length of the longest text; 255 of them must stay below the 32 KiB that a step may span.
+fn longest(texts: &[&str]) -> Result<usize, C3dWriteError> {
+    const LIMIT: usize = 127;
+    let Some(longest) = texts.iter().max_by_key(|text| text.len()) else {
+        return Ok(0);
+    };
+    if longest.len() > LIMIT {
+        let (label, bytes) = ((*longest).to_owned(), longest.len());
+        return Err(C3dWriteError::LongLabel {
+            label,
+            bytes,
+            limit: LIMIT,
+        });
+    }
+    Ok(longest.len().max(1))
+}
+
+fn padded(texts: &[&str], letters: usize) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(texts.len() * letters);
+    for text in texts {
+        bytes.extend(text.as_bytes());
+        bytes.resize(bytes.len() + letters - text.len(), b' ');
+    }
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::c3d::parse;
+    use crate::import::take::{MISSING, RawEvent, TakeOptions};
+
+    fn round_trip(take: &RawTake) -> RawTake {
+        let mut bytes = Vec::new();
+        write_c3d(take, &mut bytes).unwrap();
+        assert_eq!(bytes.len() % BLOCK, 0);
+        parse(&bytes, "a.c3d", &TakeOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn everything_that_c3d_holds_comes_back() {
+        let labels = ["LASI", "Knöchel", "*3", "LKneeAngles", "V"]
+            .map(str::to_owned)
+            .to_vec();
+        let mut take = RawTake::empty(labels, 120.0, 3);
+        take.kinds = vec![
+            PointKind::Marker,
+            PointKind::Marker,
+            PointKind::Unlabelled,
+            PointKind::Angle,
+            PointKind::Model,
+        ];
+        take.first_frame = 480;
+        take.unit = LengthUnit::Centimetre;
+        take.up = UpAxis::MinusX;
+        take.scale = Some(-0.5);
+        take.positions = vec![[1.5, -2.25, 1e6]; 15];
+        take.positions[7] = MISSING;
+        take.residuals = vec![0.5; 15];
+        take.residuals[7] = -1.0;
+        take.cameras = vec![0b101_0001; 15];
+        take.cameras[7] = 0;
+        let event = |label: &str, seconds| RawEvent {
+            label: label.into(),
+            context: "Left".into(),
+            seconds,
+        };
+        take.events = vec![event("Foot Strike", 1.5), event("Foot Off", 61.25)];
+        let back = round_trip(&take);
+        assert!(back.positions[7].iter().all(|value| value.is_nan()));
+        let comparable = |take: &RawTake| {
+            let mut take = take.clone();
+            take.positions[7] = [0.0; 3];
+            take
+        };
+        assert_eq!(comparable(&back), comparable(&take));
+    }
+
+    #[test]
+    fn more_than_255_labels_and_more_than_65535_frames() {
+        let labels = (0..600).map(|number| format!("m{number}")).collect();
+        let take = RawTake::empty(labels, 100.0, 2);
+        let back = round_trip(&take);
+        assert_eq!(back.labels, take.labels);
+
+        let mut take = RawTake::empty(vec!["a".into()], 100.0, 70_001);
+        for (frame, position) in take.positions.iter_mut().enumerate() {
+            *position = [frame as f64, 1.0, 2.0];
+        }
+        for first in [1, 65_535, 100_000] {
+            take.first_frame = first;
+            let back = round_trip(&take);
+            assert_eq!((back.frame_count, back.first_frame), (70_001, first));
+            assert_eq!(back.position(70_000, 0), Some([70_000.0, 1.0, 2.0]));
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused_or_missing() {
+        let write = |take: &RawTake| write_c3d(take, &mut Vec::new());
+        let long = RawTake::empty(vec!["x".repeat(128)], 100.0, 1);
+        assert!(matches!(
+            write(&long),
+            Err(C3dWriteError::LongLabel { bytes: 128, .. })
+        ));
+        let many = RawTake::empty(vec![String::new(); 70_000], 100.0, 0);
+        assert!(matches!(
+            write(&many),
+            Err(C3dWriteError::TooMany { what: "points", .. })
+        ));
+        let text = RawTake::empty(vec!["x".repeat(100); 2000], 100.0, 0);
+        assert!(matches!(
+            write(&text),
+            Err(C3dWriteError::TooMany {
+                what: "blocks of parameters",
+                ..
+            })
+        ));
+        let mut short = RawTake::empty(vec!["a".into()], 100.0, 2);
+        short.positions.pop();
+        assert!(matches!(
+            write(&short),
+            Err(C3dWriteError::Mismatch {
+                what: "positions",
+                ..
+            })
+        ));
+
+        let mut large = RawTake::empty(vec!["a".into()], 100.0, 2);
+        large.positions = vec![[1e300, 0.0, 0.0], [1.0, 2.0, 3.0]];
+        assert_eq!(round_trip(&large).position(0, 0), None);
+
+        struct Full;
+        impl Write for Full {
+            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::StorageFull.into())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        assert!(matches!(
+            write_c3d(&large, &mut Full),
+            Err(C3dWriteError::Io(_))
+        ));
+    }
+}
