@@ -214,7 +214,8 @@ pub(super) fn find(
     let available = bytes.data.len().saturating_sub(layout.start);
     let there = available.checked_div(layout.frame_bytes());
     match (frames.list.is_empty(), there) {
-        (true, None | Some(0)) => {
+        (_, None) => layout.frames = 0,
+        (true, Some(0)) => {
             let what = "a frame count (TRIAL, POINT:FRAMES or header)".into();
             return Err(ImportErrorKind::Missing { what }.at(file, bytes.place(6)));
         }
@@ -242,7 +243,7 @@ pub(super) fn find(
             notices.push(Notice::new(bytes.place(bytes.data.len()), text));
             layout.frames = there;
         }
-        (false, _) => frames.report(layout.frames, bytes, notices),
+        (false, Some(_)) => frames.report(layout.frames, bytes, notices),
     }
 
     // Channels and samples only describe what is skipped.

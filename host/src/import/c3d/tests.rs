@@ -375,6 +375,19 @@ fn what_is_not_c3d_is_refused_with_its_place() {
 }
 
 #[test]
+fn a_file_without_any_samples_has_no_frames() {
+    let mut bytes = File::new(ByteOrder::Intel, true).bytes();
+    bytes[2..6].copy_from_slice(&[0; 4]);
+    let take = read(&bytes).unwrap();
+    assert_eq!((take.point_count(), take.frame_count), (0, 0));
+    assert!(
+        take.notices
+            .iter()
+            .any(|notice| notice.text.contains("holds no points"))
+    );
+}
+
+#[test]
 fn nan_and_infinite_coordinates_are_missing() {
     let mut bytes = File::new(ByteOrder::Intel, true).bytes();
     bytes[1024..1028].copy_from_slice(&f32::NAN.to_le_bytes());
