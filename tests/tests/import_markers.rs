@@ -300,6 +300,11 @@ fn written_recordings_come_back() {
         write_c3d(&raw, &mut bytes).unwrap();
         let back = c3d::parse(&bytes, holds.file, &TakeOptions::default()).unwrap();
         let file = holds.file;
+        if holds.points == 0 {
+            // Analog samples are not written, and without samples there are no frames.
+            assert_eq!((back.point_count(), back.frame_count), (0, 0), "{file}");
+            continue;
+        }
         assert_eq!(difference(&rounded(&raw), &back), 0.0, "{file}");
         assert_eq!(
             (back.unit, back.up, back.kinds),
