@@ -7,12 +7,20 @@
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
 //! | [`take`] | `Raw…` values | validated marker captures |
+//! | [`bake`] | a validated body | the asset |
+//! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`export`] | validated values | files that other programs read |
 //!
 //! Lengths are metres, angles radians, times seconds, Y is up. Host arithmetic is `f64`.
 #![forbid(unsafe_code)]
 
+pub mod bake;
 pub mod export;
+pub mod fit;
 pub mod import;
 pub mod model;
+pub mod play;
+pub mod reference;
 pub mod take;
+pub mod verify;

@@ -4,8 +4,9 @@
 //! FORCE_PLATFORM groups that the format asks for, without channels), and every point of every
 //! frame in the take's own units and axes. Layout: *The C3D File Format User Guide* (c3d.org).
 
-use std::io::{self, Write};
+use std::io::Write;
 
+use super::ExportErrorKind;
 use crate::import::take::{RawTake, is_present};
 
 mod parameters;
@@ -13,45 +14,6 @@ mod parameters;
 const BLOCK: usize = 512;
 /// Texts that one parameter holds, by a dimension of 8 bits.
 const TEXTS: usize = 255;
-
-/// A take that C3D cannot hold, or a disk that refuses.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum C3dWriteError {
-    /// The writer failed.
-    #[error("cannot be written ({0}); check the path and the space on the disk")]
-    Io(#[from] io::Error),
-    /// A count beyond the format's.
-    #[error("{what}: {count}, but C3D holds at most {limit}; split the take")]
-    TooMany {
-        /// What is counted.
-        what: &'static str,
-        /// How many there are.
-        count: usize,
-        /// The limit.
-        limit: usize,
-    },
-    /// A label that does not fit into a parameter.
-    #[error("label {label:?} has {bytes} bytes, but C3D holds at most {limit}; shorten it")]
-    LongLabel {
-        /// The label.
-        label: String,
-        /// Its length in UTF-8.
-        bytes: usize,
-        /// The limit.
-        limit: usize,
-    },
-    /// Lists of the take that contradict each other.
-    #[error("{what}: {found} given, {expected} expected")]
-    Mismatch {
-        /// Which list.
-        what: &'static str,
-        /// Its length.
-        found: usize,
-        /// What the counts ask for.
-        expected: usize,
-    },
-}
 
 /// Writes a take as C3D. Coordinates become `f32`; a sample that is missing, or beyond `f32`, is
 /// written as (0, 0, 0) with residual -1.
@@ -61,13 +23,17 @@ pub enum C3dWriteError {
 /// # Errors
 /// The take has more points, events or label text than the format can say, a list's length is
 /// wrong, or `out` fails.
-pub fn write_c3d(take: &RawTake, out: &mut dyn Write) -> Result<(), C3dWriteError> {
+pub fn write_c3d(take: &RawTake, out: &mut dyn Write) -> Result<(), ExportErrorKind> {
     check(take)?;
     let scale = residual_scale(take);
     // The block where the data begins is part of what comes before it: write once to measure.
     let len = parameters::write(take, scale, 0)?.len();
     let blocks = len.div_ceil(BLOCK);
-    limit("blocks of parameters", blocks, 255)?;
+    limit(
+        "the number of parameter blocks (512 bytes, mostly labels)",
+        blocks,
+        255,
+    )?;
     let data_block = 2 + blocks;
     let mut section = parameters::write(take, scale, data_block)?;
     section[2] = blocks as u8;
@@ -93,54 +59,73 @@ pub fn write_c3d(take: &RawTake, out: &mut dyn Write) -> Result<(), C3dWriteErro
     Ok(())
 }
 
-fn check(take: &RawTake) -> Result<(), C3dWriteError> {
-    limit("points", take.point_count(), 65_535)?;
-    limit("frames", take.frame_count, u32::MAX as usize)?;
-    limit("events", take.events.len(), TEXTS)?;
-    let expected = take.point_count().saturating_mul(take.frame_count);
-    for (what, found, may_be_empty) in [
-        ("positions", take.positions.len(), false),
-        ("residuals", take.residuals.len(), true),
-        ("cameras", take.cameras.len(), true),
+fn check(take: &RawTake) -> Result<(), ExportErrorKind> {
+    limit("the number of points", take.point_count(), 65_535)?;
+    let last = usize::try_from(last_frame(take)).unwrap_or(usize::MAX);
+    limit("the last frame's number", last, u32::MAX as usize)?;
+    limit("the number of events", take.events.len(), TEXTS)?;
+    check_lengths(take)
+}
+
+/// Checks that every list of a take is as long as its counts ask for.
+pub(super) fn check_lengths(take: &RawTake) -> Result<(), ExportErrorKind> {
+    let samples = take.point_count().saturating_mul(take.frame_count);
+    for (what, found, expected) in [
+        ("positions", take.positions.len(), samples),
+        ("residuals", take.residuals.len(), samples),
+        ("cameras", take.cameras.len(), samples),
+        ("kinds", take.kinds.len(), take.point_count()),
     ] {
-        if found != expected && !(may_be_empty && found == 0) {
-            return Err(C3dWriteError::Mismatch {
-                what,
-                found,
-                expected,
+        // What a source does not hold is empty.
+        let absent = found == 0 && matches!(what, "residuals" | "cameras");
+        if found != expected && !absent {
+            return Err(ExportErrorKind::SizeMismatch {
+                what: what.into(),
+                expected: expected as u64,
+                found: found as u64,
             });
         }
-    }
-    if take.kinds.len() != take.point_count() {
-        let (found, expected) = (take.kinds.len(), take.point_count());
-        return Err(C3dWriteError::Mismatch {
-            what: "kinds",
-            found,
-            expected,
-        });
     }
     Ok(())
 }
 
-fn limit(what: &'static str, count: usize, limit: usize) -> Result<(), C3dWriteError> {
-    if count > limit {
-        Err(C3dWriteError::TooMany { what, count, limit })
-    } else {
-        Ok(())
+fn limit(what: &str, count: usize, limit: usize) -> Result<(), ExportErrorKind> {
+    if count <= limit {
+        return Ok(());
     }
+    Err(ExportErrorKind::OutOfRange {
+        what: what.into(),
+        value: count.to_string(),
+        expected: format!("at most {limit} in a C3D file"),
+    })
 }
 
-/// Step of the 8-bit residual: the source's, else 0.01 mm in the take's unit.
+/// Step of the 8-bit residual: the source's, else 0.01 mm in the take's unit; larger where the
+/// largest residual would not fit.
 fn residual_scale(take: &RawTake) -> f32 {
     let stored = take
         .scale
         .map(f32::abs)
         .filter(|scale| scale.is_finite() && *scale > 0.0);
-    stored.unwrap_or((1e-5 / take.unit.metres()) as f32)
+    let step = stored.unwrap_or((1e-5 / take.unit.metres()) as f32);
+    let residuals = take
+        .residuals
+        .iter()
+        .copied()
+        .filter(|residual| residual.is_finite());
+    let largest = residuals.fold(0.0, f32::max);
+    // A half more than 255 steps still rounds to 255.
+    if largest < 255.5 * step {
+        step
+    } else {
+        largest / 255.0
+    }
 }
 
 fn last_frame(take: &RawTake) -> u64 {
-    (take.first_frame + take.frame_count as u64).saturating_sub(1)
+    take.first_frame
+        .saturating_add(take.frame_count as u64)
+        .saturating_sub(1)
 }
 
 /// What fits into 16 bits; more than that is 65535, and the TRIAL group says the rest.
@@ -257,51 +242,39 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused_or_missing() {
-        let write = |take: &RawTake| write_c3d(take, &mut Vec::new());
+        let refusal = |take: &RawTake| write_c3d(take, &mut Vec::new()).unwrap_err().to_string();
         let long = RawTake::empty(vec!["x".repeat(128)], 100.0, 1);
-        assert!(matches!(
-            write(&long),
-            Err(C3dWriteError::LongLabel { bytes: 128, .. })
-        ));
+        assert!(
+            refusal(&long).ends_with("is 128 bytes long, which must be at most 127 bytes long")
+        );
         let many = RawTake::empty(vec![String::new(); 70_000], 100.0, 0);
-        assert!(matches!(
-            write(&many),
-            Err(C3dWriteError::TooMany { what: "points", .. })
-        ));
+        let text = "the number of points is 70000, which must be at most 65535 in a C3D file";
+        assert_eq!(refusal(&many), text);
         let text = RawTake::empty(vec!["x".repeat(100); 2000], 100.0, 0);
-        assert!(matches!(
-            write(&text),
-            Err(C3dWriteError::TooMany {
-                what: "blocks of parameters",
-                ..
-            })
-        ));
+        assert!(refusal(&text).starts_with("the number of parameter blocks"));
         let mut short = RawTake::empty(vec!["a".into()], 100.0, 2);
         short.positions.pop();
-        assert!(matches!(
-            write(&short),
-            Err(C3dWriteError::Mismatch {
-                what: "positions",
-                ..
-            })
-        ));
+        assert_eq!(refusal(&short), "positions: 2 expected, 1 given");
 
         let mut large = RawTake::empty(vec!["a".into()], 100.0, 2);
         large.positions = vec![[1e300, 0.0, 0.0], [1.0, 2.0, 3.0]];
-        assert_eq!(round_trip(&large).position(0, 0), None);
+        let back = round_trip(&large);
+        assert_eq!(
+            (back.position(0, 0), back.position(1, 0)),
+            (None, Some([1.0, 2.0, 3.0]))
+        );
+        large.first_frame = u64::MAX;
+        assert!(refusal(&large).starts_with("the last frame's number"));
+    }
 
-        struct Full;
-        impl Write for Full {
-            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
-                Err(io::ErrorKind::StorageFull.into())
-            }
-            fn flush(&mut self) -> io::Result<()> {
-                Ok(())
-            }
-        }
-        assert!(matches!(
-            write_c3d(&large, &mut Full),
-            Err(C3dWriteError::Io(_))
-        ));
+    #[test]
+    fn large_residuals_widen_the_step() {
+        let mut take = RawTake::empty(vec!["a".into()], 100.0, 3);
+        take.positions = vec![[1.0, 2.0, 3.0]; 3];
+        take.scale = Some(-0.01);
+        take.residuals = vec![0.0, 2.55, 1.0];
+        assert_eq!(round_trip(&take).residuals, [0.0, 2.55, 1.0]);
+        take.residuals[1] = 51.0;
+        assert_eq!(round_trip(&take).residuals, [0.0, 51.0, 1.0]);
     }
 }

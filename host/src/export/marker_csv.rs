@@ -1,7 +1,9 @@
 //! Plain marker tables out: one row a frame, three columns a marker.
 
-use std::io::{self, Write};
+use std::io::Write;
 
+use super::ExportErrorKind;
+use super::c3d::check_lengths;
 use crate::import::take::{RawTake, is_present};
 
 /// Writes a take as CSV in its own units and axes: a comment with unit, up axis and rate, then
@@ -11,8 +13,9 @@ use crate::import::take::{RawTake, is_present};
 /// names become `;` and `'`.
 ///
 /// # Errors
-/// `out` fails.
-pub fn write_marker_csv(take: &RawTake, out: &mut dyn Write) -> io::Result<()> {
+/// The lists of the take contradict its counts, or `out` fails.
+pub fn write_marker_csv(take: &RawTake, out: &mut dyn Write) -> Result<(), ExportErrorKind> {
+    check_lengths(take)?;
     writeln!(
         out,
         "# unit: {}, up: {}, rate: {}",
@@ -33,7 +36,7 @@ pub fn write_marker_csv(take: &RawTake, out: &mut dyn Write) -> io::Result<()> {
         write!(
             out,
             "{},{}",
-            take.first_frame + frame as u64,
+            take.first_frame.saturating_add(frame as u64),
             frame as f64 / take.rate
         )?;
         for point in 0..take.point_count() {
@@ -59,7 +62,7 @@ mod tests {
         take.first_frame = 7;
         take.unit = LengthUnit::Inch;
         take.up = UpAxis::MinusZ;
-        take.positions[1] = [0.1 + 0.2, -1e-7, 1e21];
+        take.positions[1] = [0.1 + 0.2, -1e-7, -1e11];
         take.positions[4] = [1.0, 2.0, 3.0];
         let mut bytes = Vec::new();
         write_marker_csv(&take, &mut bytes).unwrap();

@@ -1,7 +1,9 @@
 //! TRC files out: a tab-separated table that OpenSim, Cortex and Motive read.
 
-use std::io::{self, Write};
+use std::io::Write;
 
+use super::ExportErrorKind;
+use super::c3d::check_lengths;
 use crate::import::take::{RawTake, is_present};
 
 /// Writes a take as TRC in its own units and axes; missing samples are blank.
@@ -10,8 +12,9 @@ use crate::import::take::{RawTake, is_present};
 /// positions are of use in TRC: what else `take` holds is written all the same.
 ///
 /// # Errors
-/// `out` fails.
-pub fn write_trc(take: &RawTake, name: &str, out: &mut dyn Write) -> io::Result<()> {
+/// The lists of the take contradict its counts, or `out` fails.
+pub fn write_trc(take: &RawTake, name: &str, out: &mut dyn Write) -> Result<(), ExportErrorKind> {
+    check_lengths(take)?;
     let (rate, frames, points) = (take.rate, take.frame_count, take.point_count());
     writeln!(out, "PathFileType\t4\t(X/Y/Z)\t{}", plain(name))?;
     writeln!(
@@ -37,7 +40,7 @@ pub fn write_trc(take: &RawTake, name: &str, out: &mut dyn Write) -> io::Result<
         write!(
             out,
             "{}\t{}",
-            take.first_frame + frame as u64,
+            take.first_frame.saturating_add(frame as u64),
             frame as f64 / rate
         )?;
         for point in 0..points {
@@ -67,7 +70,7 @@ mod tests {
         let mut take = RawTake::empty(vec!["A".into(), "B C".into()], 120.0, 3);
         take.first_frame = 12;
         take.unit = LengthUnit::Millimetre;
-        take.positions[0] = [0.1 + 0.2, -1e-7, 1e21];
+        take.positions[0] = [0.1 + 0.2, -1e-7, -1e11];
         take.positions[5] = [1.0, 2.0, 3.0];
         let mut bytes = Vec::new();
         write_trc(&take, "a\tb.trc", &mut bytes).unwrap();

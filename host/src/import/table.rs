@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::take::{MISSING, RawTake, usable_rate};
+use super::text::MAX_MAGNITUDE;
 use super::{ImportError, ImportErrorKind, Notice, Place};
 
 /// The content as text: UTF-8 or UTF-16 with or without a mark, else Latin-1.
@@ -66,14 +67,20 @@ pub(super) fn csv_fields(line: &str) -> Vec<&str> {
     }
 }
 
-/// A number, `None` for every way in which programs write a missing one.
+/// A number, `None` for every way in which programs write a missing one, infinity for anything
+/// beyond a real length or time.
 ///
 /// # Errors
 /// The text is neither.
 pub(super) fn number(text: &str) -> Result<Option<f64>, ()> {
     let text = text.trim();
     if let Ok(value) = text.parse::<f64>() {
-        return Ok(value.is_finite().then_some(value));
+        let value = if value.abs() > MAX_MAGNITUDE {
+            f64::INFINITY
+        } else {
+            value
+        };
+        return Ok((!value.is_nan()).then_some(value));
     }
     // `1.#QNAN` and the like come from old Microsoft libraries.
     let missing = text.is_empty()
@@ -85,7 +92,7 @@ pub(super) fn number(text: &str) -> Result<Option<f64>, ()> {
         return Ok(None);
     }
     if text.matches(',').count() == 1 && !text.contains('.') {
-        return text.replace(',', ".").parse().map(Some).map_err(drop);
+        return number(&text.replace(',', "."));
     }
     Err(())
 }
@@ -117,6 +124,7 @@ pub(super) struct Rows<'f> {
     positions: Vec<[f64; 3]>,
     first_line: usize,
     partial: usize,
+    absurd: usize,
     short: usize,
 }
 
@@ -132,6 +140,7 @@ impl<'f> Rows<'f> {
             positions: Vec::new(),
             first_line: 0,
             partial: 0,
+            absurd: 0,
             short: 0,
         }
     }
@@ -170,7 +179,11 @@ impl<'f> Rows<'f> {
                 }
             }
             self.positions.push(match position {
-                [Some(x), Some(y), Some(z)] => [x, y, z],
+                [Some(x), Some(y), Some(z)] if x.max(y).max(z).is_finite() => [x, y, z],
+                [Some(_), Some(_), Some(_)] => {
+                    self.absurd += 1;
+                    MISSING
+                }
                 [None, None, None] => MISSING,
                 _ => {
                     self.partial += 1;
@@ -198,6 +211,13 @@ impl<'f> Rows<'f> {
             let text = format!(
                 "{} samples lack one or two coordinates: taken as missing",
                 self.partial
+            );
+            notices.push(Notice::new(Place::File, text));
+        }
+        if self.absurd > 0 {
+            let text = format!(
+                "{} samples are infinite or absurdly far: taken as missing",
+                self.absurd
             );
             notices.push(Notice::new(Place::File, text));
         }
@@ -242,7 +262,7 @@ impl<'f> Rows<'f> {
         take.first_frame = self
             .frames
             .first()
-            .filter(|first| **first > 0.0)
+            .filter(|first| (0.0..=MAX_MAGNITUDE).contains(*first))
             .map_or(0, |first| *first as u64);
         take.notices = notices;
         (take, frames)
@@ -363,8 +383,9 @@ mod tests {
             ("NAN", None),
             ("1.#QNAN", None),
             ("-1.#IND00", None),
-            ("inf", None),
-            ("1e999", None),
+            ("-inf", Some(f64::INFINITY)),
+            ("1e999", Some(f64::INFINITY)),
+            ("-2e12", Some(f64::INFINITY)),
         ] {
             assert_eq!(number(text), Ok(value), "{text}");
         }

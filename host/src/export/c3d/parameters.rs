@@ -1,6 +1,7 @@
 //! The parameter section of a C3D file.
 
-use super::{C3dWriteError, TEXTS, last_frame, word};
+use super::{TEXTS, last_frame, word};
+use crate::export::ExportErrorKind;
 use crate::import::take::{PointKind, RawEvent, RawTake, UpAxis};
 
 /// The parameter section without its padding; byte 2, the block count, is left 0.
@@ -8,7 +9,7 @@ pub(super) fn write(
     take: &RawTake,
     scale: f32,
     data_block: usize,
-) -> Result<Vec<u8>, C3dWriteError> {
+) -> Result<Vec<u8>, ExportErrorKind> {
     let mut section = Section(vec![1, 0x50, 0, 84]);
     section.group(1, "POINT", "3-D point parameters");
     section.word(1, "USED", take.point_count() as u64);
@@ -69,7 +70,7 @@ pub(super) fn write(
 }
 
 /// Names the points that are no positions, the way Vicon does.
-fn kinds(take: &RawTake, section: &mut Section) -> Result<(), C3dWriteError> {
+fn kinds(take: &RawTake, section: &mut Section) -> Result<(), ExportErrorKind> {
     const GROUPS: [(PointKind, &str, &str); 6] = [
         (PointKind::Angle, "ANGLES", "ANGLE"),
         (PointKind::Force, "FORCES", "FORCE"),
@@ -141,7 +142,7 @@ impl Section {
     }
 
     /// Up to 255 texts as one parameter, padded with blanks to one length.
-    fn texts(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), C3dWriteError> {
+    fn texts(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), ExportErrorKind> {
         let letters = longest(texts)?;
         self.entry(
             group,
@@ -154,7 +155,7 @@ impl Section {
     }
 
     /// Any number of texts: `NAME`, then `NAME2`, `NAME3` and so on.
-    fn long_texts(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), C3dWriteError> {
+    fn long_texts(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), ExportErrorKind> {
         self.texts(group, name, &texts[..texts.len().min(TEXTS)])?;
         for (number, part) in texts.chunks(TEXTS).enumerate().skip(1) {
             self.texts(group, &format!("{name}{}", number + 1), part)?;
@@ -163,7 +164,7 @@ impl Section {
     }
 
     /// Pairs of texts as an array of three dimensions.
-    fn pairs(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), C3dWriteError> {
+    fn pairs(&mut self, group: u8, name: &str, texts: &[&str]) -> Result<(), ExportErrorKind> {
         let letters = longest(texts)?;
         let dimensions = [letters as u8, 2, (texts.len() / 2) as u8];
         self.entry(group, name, -1, &dimensions, &padded(texts, letters));
@@ -172,17 +173,16 @@ impl Section {
 }
 
 /// Length of the longest text; 255 of them must stay below the 32 KiB that a step may span.
-fn longest(texts: &[&str]) -> Result<usize, C3dWriteError> {
+fn longest(texts: &[&str]) -> Result<usize, ExportErrorKind> {
     const LIMIT: usize = 127;
     let Some(longest) = texts.iter().max_by_key(|text| text.len()) else {
         return Ok(0);
     };
     if longest.len() > LIMIT {
-        let (label, bytes) = ((*longest).to_owned(), longest.len());
-        return Err(C3dWriteError::LongLabel {
-            label,
-            bytes,
-            limit: LIMIT,
+        return Err(ExportErrorKind::OutOfRange {
+            what: format!("the label {longest:?}"),
+            value: format!("{} bytes long", longest.len()),
+            expected: format!("at most {LIMIT} bytes long"),
         });
     }
     Ok(longest.len().max(1))

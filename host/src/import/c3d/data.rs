@@ -4,27 +4,19 @@ use super::bytes::ByteOrder;
 use super::bytes::Bytes;
 use super::layout::Layout;
 use crate::import::take::{MISSING, RawTake};
+use crate::import::text::MAX_MAGNITUDE;
 
-/// How one stored value becomes a coordinate.
-#[derive(Clone, Copy)]
-pub(super) struct Scales {
-    /// Factor of integer coordinates.
-    pub position: f64,
-    /// Factor of the residual byte.
-    pub residual: f64,
-}
-
-/// Reads all points of `layout` into `take`, whose labels are set; gives how many samples
-/// were infinite.
+/// Reads all points of `layout` into `take`, whose labels are set; `scale` is one step of an
+/// integer coordinate and of a residual.
 ///
 /// Linear in the samples; allocates what the samples in the file need.
 pub(super) fn read(
     bytes: Bytes<'_>,
     order: ByteOrder,
     layout: &Layout,
-    scales: Scales,
+    scale: f64,
     take: &mut RawTake,
-) -> usize {
+) {
     let word = layout.word();
     let samples = layout.points * layout.frames;
     take.positions = Vec::with_capacity(samples);
@@ -32,50 +24,56 @@ pub(super) fn read(
     take.cameras = Vec::with_capacity(samples);
     take.frame_count = layout.frames;
     if layout.points == 0 {
-        return 0;
+        return;
     }
-    let mut infinite = 0;
     let all = bytes.up_to(layout.start, layout.frames * layout.frame_bytes());
     for frame in all.chunks_exact(layout.frame_bytes()) {
         for point in frame[..layout.points * 4 * word].chunks_exact(4 * word) {
             let sample = if layout.real {
-                real_sample(order, point, scales)
+                real_sample(order, point, scale)
             } else {
-                integer_sample(order, point, scales)
+                integer_sample(order, point, scale)
             };
-            let (mut position, mut residual, mut cameras) = sample.unwrap_or((MISSING, -1.0, 0));
-            if sample.is_some() && !position.iter().all(|value| value.is_finite()) {
-                // NaN is how some writers mark a point as missing; infinity is an accident.
-                infinite += usize::from(position.iter().any(|value| value.is_infinite()));
-                (position, residual, cameras) = (MISSING, -1.0, 0);
-            }
+            // NaN is how some writers mark a point as missing.
+            let seen = sample.filter(|(position, ..)| !position.iter().any(|value| value.is_nan()));
+            let (position, residual, cameras) = seen.unwrap_or((MISSING, -1.0, 0));
             take.positions.push(position);
-            take.residuals.push(residual as f32);
+            take.residuals.push((residual as f32).min(f32::MAX));
             take.cameras.push(cameras);
         }
     }
-    infinite
+}
+
+/// Takes samples beyond any real length as missing; gives how many.
+pub(super) fn drop_absurd(take: &mut RawTake) -> usize {
+    let mut dropped = 0;
+    for (index, position) in take.positions.iter_mut().enumerate() {
+        // NaN compares false: it is missing already.
+        if position.iter().any(|value| value.abs() > MAX_MAGNITUDE) {
+            *position = MISSING;
+            take.residuals[index] = -1.0;
+            take.cameras[index] = 0;
+            dropped += 1;
+        }
+    }
+    dropped
 }
 
 /// Position, residual and camera mask, `None` where the point is marked as missing.
 type Sample = Option<([f64; 3], f64, u8)>;
 
-fn integer_sample(order: ByteOrder, point: &[u8], scales: Scales) -> Sample {
+fn integer_sample(order: ByteOrder, point: &[u8], scale: f64) -> Sample {
     let (words, _) = point.as_chunks::<2>();
     let &[x, y, z, last] = words else { return None };
     let last = order.integer(last);
     if last < 0 {
         return None;
     }
-    let position = [x, y, z].map(|value| f64::from(order.integer(value)) * scales.position);
-    Some((
-        position,
-        f64::from(last & 0xff) * scales.residual,
-        (last >> 8) as u8,
-    ))
+    let position = [x, y, z].map(|value| f64::from(order.integer(value)) * scale);
+    Some((position, f64::from(last & 0xff) * scale, (last >> 8) as u8))
 }
 
-fn real_sample(order: ByteOrder, point: &[u8], scales: Scales) -> Sample {
+fn real_sample(order: ByteOrder, point: &[u8], scale: f64) -> Sample {
     let (words, _) = point.as_chunks::<4>();
     let &[x, y, z, last] = words else { return None };
     let (value, bits) = (order.real(last), order.real_bits(last));
@@ -97,33 +95,30 @@ fn real_sample(order: ByteOrder, point: &[u8], scales: Scales) -> Sample {
         let last = value.min(32767.0) as u16;
         ((last >> 8) as u8, (last & 0xff) as u8)
     };
-    Some((position, f64::from(residual) * scales.residual, cameras))
+    Some((position, f64::from(residual) * scale, cameras))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const SCALES: Scales = Scales {
-        position: 0.5,
-        residual: 0.5,
-    };
+    const SCALE: f64 = 0.5;
 
     #[test]
     fn integers_carry_cameras_and_residual_in_the_fourth_word() {
         // 3, -4, 5; cameras 0b101, residual 6.
         let point = [3, 0, 0xfc, 0xff, 5, 0, 6, 0b101];
-        let sample = integer_sample(ByteOrder::Intel, &point, SCALES);
+        let sample = integer_sample(ByteOrder::Intel, &point, SCALE);
         assert_eq!(sample, Some(([1.5, -2.0, 2.5], 3.0, 0b101)));
         let gone = [3, 0, 0xfc, 0xff, 5, 0, 0xff, 0xff];
-        assert_eq!(integer_sample(ByteOrder::Intel, &gone, SCALES), None);
+        assert_eq!(integer_sample(ByteOrder::Intel, &gone, SCALE), None);
     }
 
     fn real(last: [u8; 4]) -> Sample {
         let mut point = [0; 16];
         point[..4].copy_from_slice(&1f32.to_le_bytes());
         point[12..].copy_from_slice(&last);
-        real_sample(ByteOrder::Intel, &point, SCALES)
+        real_sample(ByteOrder::Intel, &point, SCALE)
     }
 
     #[test]

@@ -11,8 +11,7 @@ mod layout;
 mod parameters;
 
 use self::bytes::{ByteOrder, Bytes};
-use self::data::Scales;
-use self::layout::{BLOCK, Header, Layout};
+use self::layout::{BLOCK, Header};
 use self::parameters::{MAX_SECTION, Parameters};
 use super::take::{
     Analog, LengthUnit, RawTake, Stated, TakeOptions, UpAxis, median_extent, settle, settle_rate,
@@ -64,13 +63,40 @@ pub fn parse(content: &[u8], file: &str, options: &TakeOptions) -> Result<RawTak
     if layout.points == 0 {
         take.notice(bytes.place(2), "the file holds no points");
     }
-    read_points(bytes, order, &layout, &header, &parameters, &mut take);
+    let unit = parameters.find("POINT", "UNITS");
+    let unit_text = unit.and_then(|unit| unit.texts().into_iter().find(|text| !text.is_empty()));
+
+    let scale = match find_scales(&header, &parameters) {
+        (Some(stated), Some(copy)) if (stated / copy - 1.0).abs() > 1e-6 => {
+            data::read(bytes, order, &layout, 1.0, &mut take);
+            let known = options
+                .unit
+                .or(unit_text.as_deref().and_then(LengthUnit::parse));
+            settle_scale(
+                &mut take,
+                layout.real,
+                (stated, copy),
+                known,
+                bytes.place(12),
+            )
+        }
+        (stated, copy) => {
+            let scale = stated.or(copy).unwrap_or(1.0);
+            data::read(bytes, order, &layout, scale, &mut take);
+            scale
+        }
+    };
+    take.scale = Some(if layout.real { -scale } else { scale } as f32);
+    let absurd = data::drop_absurd(&mut take);
+    if absurd > 0 {
+        let text = format!("{absurd} samples are infinite or absurdly far: taken as missing");
+        take.notice(bytes.place(layout.start), text);
+    }
 
     let screen = |name| Some(parameters.find("POINT", name)?.texts().first()?.to_owned());
-    let unit = parameters.find("POINT", "UNITS");
     let stated = Stated {
         unit_place: unit.map(|unit| bytes.place(unit.offset)),
-        unit: unit.and_then(|unit| unit.texts().into_iter().find(|text| !text.is_empty())),
+        unit: unit_text,
         up: screen("Y_SCREEN").and_then(|text| UpAxis::parse(&text)),
         usual_up: Some(UpAxis::PlusZ),
     };
@@ -240,70 +266,43 @@ fn find_rate(
     stated.or(fallback)
 }
 
-/// Reads the samples and applies the scale.
-fn read_points(
-    bytes: Bytes<'_>,
-    order: ByteOrder,
-    layout: &Layout,
-    header: &Header,
-    parameters: &Parameters<'_>,
-    take: &mut RawTake,
-) {
-    let usable = |scale: &f64| scale.is_finite() && *scale != 0.0;
-    let stated = parameters
-        .find("POINT", "SCALE")
-        .and_then(|scale| scale.number(0))
-        .filter(usable);
-    let copy = Some(header.scale).filter(usable);
-    let first = stated.or(copy).unwrap_or(1.0);
-    let rivals = stated
-        .zip(copy)
-        .filter(|(one, other)| (one.abs() / other.abs() - 1.0).abs() > 1e-6);
+/// The usable scales: POINT:SCALE and the header's copy of it, both above 0.
+fn find_scales(header: &Header, parameters: &Parameters<'_>) -> (Option<f64>, Option<f64>) {
+    let usable = |scale: f64| (scale.is_finite() && scale != 0.0).then_some(scale.abs());
+    let stated = parameters.find("POINT", "SCALE");
+    let stated = stated.and_then(|scale| scale.number(0));
+    (stated.and_then(usable), usable(header.scale))
+}
 
-    // Two scales for integers: both are tried on the extent of the points in steps.
-    let trial = if rivals.is_some() && !layout.real {
-        1.0
+/// Scales what was read in steps, where the file states two different scales; gives the one used.
+fn settle_scale(
+    take: &mut RawTake,
+    real: bool,
+    (stated, copy): (f64, f64),
+    unit: Option<LengthUnit>,
+    place: Place,
+) -> f64 {
+    let both = format!("POINT:SCALE is {stated}, the header says {copy}");
+    let (scale, why) = if real {
+        (stated, "it only scales residuals")
     } else {
-        first.abs()
+        let scale = likely_scale(median_extent(take), unit, stated, copy);
+        (scale, "it gives the size that is nearer to a person's")
     };
-    let scales = Scales {
-        position: trial,
-        residual: trial,
-    };
-    let infinite = data::read(bytes, order, layout, scales, take);
-    take.scale = Some(first as f32);
-    if infinite > 0 {
-        let text = format!("{infinite} samples with infinite coordinates: taken as missing");
-        take.notice(bytes.place(layout.start), text);
-    }
-    let Some((stated, copy)) = rivals else { return };
-    if layout.real {
-        let text = format!(
-            "POINT:SCALE is {stated}, the header says {copy}: POINT:SCALE scales the residuals"
-        );
-        take.notice(bytes.place(12), text);
-        return;
-    }
-    let unit = parameters
-        .find("POINT", "UNITS")
-        .and_then(|unit| LengthUnit::parse(unit.texts().first()?));
-    let scale = likely_scale(median_extent(take), unit, stated.abs(), copy.abs());
-    for value in take.positions.iter_mut().flatten() {
-        *value *= scale;
+    if !real {
+        for value in take.positions.iter_mut().flatten() {
+            *value *= scale;
+        }
     }
     for residual in take
         .residuals
         .iter_mut()
-        .filter(|residual| **residual >= 0.0)
+        .filter(|residual| **residual > 0.0)
     {
         *residual = (f64::from(*residual) * scale) as f32;
     }
-    take.scale = Some(scale as f32);
-    let text = format!(
-        "POINT:SCALE is {stated}, the header says {copy}: {scale} taken, \
-         which gives the size that is nearer to a person's"
-    );
-    take.notice(bytes.place(12), text);
+    take.notice(place, format!("{both}: {scale} taken, because {why}"));
+    scale
 }
 
 /// Of two scales the one that brings `extent` steps nearer to 1.7 m, by ratio; the first where

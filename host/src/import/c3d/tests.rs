@@ -398,6 +398,6 @@ fn nan_and_infinite_coordinates_are_missing() {
     assert!(
         take.notices
             .iter()
-            .any(|notice| notice.text.contains("1 samples with infinite"))
+            .any(|notice| notice.text.contains("1 samples are infinite"))
     );
 }
