@@ -133,6 +133,23 @@ impl Take {
         })
     }
 
+    /// Other trajectories in the same frames, rate and source space: what merging or splitting
+    /// markers gives. `trajectories` is `[markers x frames]`, metres, NaN where missing.
+    ///
+    /// # Errors
+    /// As [`Take::new`].
+    pub fn with_trajectories(
+        &self,
+        labels: Vec<String>,
+        trajectories: Vec<DVec3>,
+    ) -> Result<Self, TakeError> {
+        let mut take = Self::new(labels, self.rate, self.frame_count, trajectories)?;
+        take.first_frame = self.first_frame;
+        take.source = self.source;
+        take.events.clone_from(&self.events);
+        Ok(take)
+    }
+
     /// How many markers.
     #[must_use]
     pub fn marker_count(&self) -> usize {

@@ -133,6 +133,26 @@ fn damaged_c3d() {
     let mut bytes = Vec::new();
     write_c3d(&small(), &mut bytes).unwrap();
     damage(c3d::parse, &bytes, 1, 20_000);
+    // What is left of a cut file is the beginning of the whole one.
+    let whole = c3d::parse(&bytes, "whole", &TakeOptions::default()).unwrap();
+    let mut read = 0;
+    for len in 0..bytes.len() {
+        let Ok(part) = c3d::parse(&bytes[..len], "part", &TakeOptions::default()) else {
+            continue;
+        };
+        assert_eq!(part.labels, whole.labels, "{len}");
+        let bits = |take: &RawTake, count: usize| -> Vec<u64> {
+            let values = take.positions[..count].iter().flatten();
+            values.map(|value| value.to_bits()).collect()
+        };
+        let count = part.positions.len();
+        assert!(
+            count > 0 && bits(&part, count) == bits(&whole, count),
+            "{len}"
+        );
+        read += 1;
+    }
+    assert!(read > 100, "{read}");
     // Damage only where the structure is: header and parameters.
     let mut random = Random(7);
     for _ in 0..20_000 {

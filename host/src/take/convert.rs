@@ -166,6 +166,14 @@ mod tests {
         assert_eq!(back.position(0, 0), Some([1000.0, 2000.0, 3000.0]));
         assert_eq!((back.unit, back.up), (raw.unit, raw.up));
 
+        let one = take.trajectory(0).to_vec();
+        let merged = take.with_trajectories(vec!["one".into()], one).unwrap();
+        assert_eq!(merged.source(), take.source());
+        assert_eq!(
+            merged.to_raw().position(0, 0),
+            Some([1000.0, 2000.0, 3000.0])
+        );
+
         raw.residuals = vec![1.0; 10];
         let (take, _) = Take::from_raw(&raw).unwrap();
         assert_eq!(

@@ -319,6 +319,27 @@ fn a_take_longer_than_16_bits_without_a_longer_count_follows_the_length() {
 }
 
 #[test]
+fn a_real_frame_count_and_the_fields_of_the_trial_serve_beyond_16_bits() {
+    let mut file = File::new(ByteOrder::Sgi, true).with_real("LONG_FRAMES", 3.0);
+    file.frames = [1, 65535];
+    assert_eq!(file.check().first_frame, 1);
+    let mut file = File::new(ByteOrder::Sgi, false);
+    file.section.extend(b"\x05\xfeTRIAL\x00\x03\x00");
+    for (name, low) in [
+        ("ACTUAL_START_FIELD", 0x86a0),
+        ("ACTUAL_END_FIELD", 0x86a2u16),
+    ] {
+        // Frames 100,000 to 100,002: two 16-bit words, the lower first.
+        let words = [file.word(low), file.word(1)].concat();
+        file.entry(name, 2, &[2], &words);
+        let group = file.section.len() - 8 - name.len() - 2;
+        file.section[group..][..2].copy_from_slice(&[name.len() as u8, 2]);
+    }
+    file.frames = [65535, 65535];
+    assert_eq!(file.check().first_frame, 100_000);
+}
+
+#[test]
 fn a_short_file_gives_its_whole_frames() {
     let file = File::new(ByteOrder::Intel, true);
     let bytes = file.bytes();

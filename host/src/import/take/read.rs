@@ -83,3 +83,37 @@ pub fn read_take(path: impl AsRef<Path>, options: &TakeOptions) -> Result<RawTak
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_are_told_by_content() {
+        let c3d = [&[2, 0x50][..], &[0; 600]].concat();
+        assert_eq!(TakeFormat::detect(&c3d), Some(TakeFormat::C3d));
+        assert_eq!(
+            TakeFormat::detect(&[&[0; 9][..], &c3d].concat()),
+            Some(TakeFormat::C3d)
+        );
+        assert_eq!(
+            TakeFormat::detect(b"\xef\xbb\xbfPathFileType\t4"),
+            Some(TakeFormat::Trc)
+        );
+        assert_eq!(
+            TakeFormat::detect(b"Format Version,1.23"),
+            Some(TakeFormat::MotiveCsv)
+        );
+        assert_eq!(
+            TakeFormat::detect(b"time,A_x,A_y,A_z\n"),
+            Some(TakeFormat::MarkerCsv)
+        );
+        assert_eq!(TakeFormat::detect(b"HIERARCHY\n"), None);
+        assert_eq!(TakeFormat::detect(b""), None);
+        assert_eq!(
+            TakeFormat::from_extension(Path::new("a/b.C3D")),
+            Some(TakeFormat::C3d)
+        );
+        assert_eq!(TakeFormat::from_extension(Path::new("c3d")), None);
+    }
+}
