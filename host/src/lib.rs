@@ -6,6 +6,7 @@
 //! | --- | --- | --- |
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
+//! | [`take`] | `Raw…` values | validated marker captures |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`bake`] | a validated body | the asset |
 //! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
@@ -25,4 +26,5 @@ pub mod import;
 pub mod model;
 pub mod play;
 pub mod reference;
+pub mod take;
 pub mod verify;
