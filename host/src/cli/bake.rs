@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::{Value, json};
 
 use super::load::Reading;
@@ -44,12 +44,8 @@ pub(crate) struct Fitting {
     /// The motion's joint SOURCE drives the body's joint TARGET, whatever their names suggest.
     #[arg(long, value_name = "SOURCE=TARGET")]
     map: Vec<String>,
-    /// Metres in the motion file's unit of length, where the guess is wrong.
-    #[arg(long, value_name = "METRES")]
-    unit: Option<f64>,
-    /// The axis that points up in the motion file.
-    #[arg(long, value_enum, default_value_t = Up::Y)]
-    up: Up,
+    #[command(flatten)]
+    pub reading: Reading,
     /// Count rotations from this frame (0 is the first) instead of the motion's rest pose, where
     /// the actor stands straight in it and not in the rest pose.
     #[arg(long, value_name = "FRAME")]
@@ -59,30 +55,7 @@ pub(crate) struct Fitting {
     keep_height: bool,
 }
 
-/// An axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Up {
-    #[default]
-    Y,
-    Z,
-}
-
 impl Fitting {
-    pub fn reading(&self) -> Result<Reading, Failure> {
-        if self
-            .unit
-            .is_some_and(|unit| !(unit.is_finite() && unit > 0.0))
-        {
-            return Err(Failure::Usage(
-                "--unit must be a positive number of metres".into(),
-            ));
-        }
-        Ok(Reading {
-            unit: self.unit,
-            z_up: self.up == Up::Z,
-        })
-    }
-
     /// The motion on the body's skeleton, standing on the floor.
     pub fn fit(
         &self,
@@ -146,7 +119,7 @@ impl Bake {
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
         for path in &self.motion {
-            let (motion, more) = load::motion(path, self.fitting.reading()?)?;
+            let (motion, more) = load::motion(path, self.fitting.reading)?;
             say.notices(&path.display().to_string(), &more);
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
             let (clip, fit_notices) = self.fitting.fit(&motion, &body, &name)?;
