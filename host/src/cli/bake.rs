@@ -7,14 +7,14 @@ use serde_json::{Value, json};
 
 use super::load::Reading;
 use super::say::{Say, bytes, notices_json, thousands};
-use super::verify::{tell as tell_error, to_json as error_json};
+use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
 use crate::bake::{BakeOptions, BakeReport, Baked, bake};
 use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, floor, retarget};
 use crate::import::Place;
 use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
-use crate::verify::{BAKE_LIMIT, verify};
+use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
 /// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
@@ -131,13 +131,7 @@ impl Bake {
         let baked = bake(&body, &BakeOptions::default())?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
-        let bar = say.progress("measuring", 0);
-        let error = verify(&asset, &body, |done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        });
-        bar.finish_and_clear();
-        tell_error(&error, say);
+        let error = measure(&asset, &body, say);
         let length = baked.bytes.as_slice().len();
         cost::tell(&asset, length, Budget::UNLIMITED, say);
         write(&baked, &self.output)?;
