@@ -8,6 +8,8 @@ use crate::asset::LANES;
 pub(super) trait Lanes: Copy {
     /// Proof that the instructions exist.
     type Token: Copy;
+    /// x, y, z of each lane.
+    type Rows: AsRef<[[f32; 3]]>;
     /// Lanes in a register; divides [`LANES`].
     const WIDTH: usize;
 
@@ -15,7 +17,10 @@ pub(super) trait Lanes: Copy {
     /// Lanes `first..first + WIDTH`; zero where `first` is out of range.
     fn load(token: Self::Token, from: &[f32; LANES], first: usize) -> Self;
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
-    fn store(self, to: &mut [f32; LANES], first: usize);
+    /// Vertices instead of axes.
+    fn rows(xyz: [Self; 3]) -> Self::Rows;
+    /// Writes vertices `first..first + WIDTH` of a block, nothing between them.
+    fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
@@ -37,6 +42,7 @@ pub(super) trait Lanes: Copy {
 
 impl Lanes for f32 {
     type Token = ();
+    type Rows = [[f32; 3]; 1];
     const WIDTH: usize = 1;
 
     #[inline(always)]
@@ -52,9 +58,13 @@ impl Lanes for f32 {
         from.get(first).map_or(0.0, |&weight| f32::from(weight))
     }
     #[inline(always)]
-    fn store(self, to: &mut [f32; LANES], first: usize) {
-        if let Some(to) = to.get_mut(first) {
-            *to = self;
+    fn rows(xyz: [Self; 3]) -> Self::Rows {
+        [xyz]
+    }
+    #[inline(always)]
+    fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
+        if let Some(to) = to.as_chunks_mut::<3>().0.get_mut(first) {
+            *to = xyz;
         }
     }
     #[inline(always)]
@@ -77,9 +87,10 @@ impl Lanes for f32 {
 
 #[cfg(feature = "simd")]
 macro_rules! simd_lanes {
-    ($vector:ident, $bits:ident, $width:literal) => {
+    ($vector:ident, $bits:ident, $width:literal, $($lane:literal)*) => {
         impl<S: fearless_simd::Simd> Lanes for fearless_simd::$vector<S> {
             type Token = S;
+            type Rows = [[f32; 3]; $width];
             const WIDTH: usize = $width;
 
             #[inline(always)]
@@ -100,9 +111,24 @@ macro_rules! simd_lanes {
                 fearless_simd::SimdInt::to_float(part)
             }
             #[inline(always)]
-            fn store(self, to: &mut [f32; LANES], first: usize) {
-                if let Some(to) = to.as_chunks_mut::<$width>().0.get_mut(first / $width) {
-                    *to = self.into();
+            fn rows([x, y, z]: [Self; 3]) -> Self::Rows {
+                let (x, y, z): ([f32; $width], [f32; $width], [f32; $width]) =
+                    (x.into(), y.into(), z.into());
+                // Fixed indices become shuffles of registers.
+                [$([x[$lane], y[$lane], z[$lane]]),*]
+            }
+            #[inline(always)]
+            fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
+                let token = fearless_simd::ExtractToken::token(&xyz[0]);
+                let rows = Self::rows(xyz);
+                let to = to.as_chunks_mut::<{ 3 * $width }>().0;
+                if let Some(to) = to.get_mut(first / $width) {
+                    let rows = rows.as_flattened().as_chunks::<$width>().0;
+                    for (to, row) in to.as_chunks_mut::<$width>().0.iter_mut().zip(rows) {
+                        // Through a register, lest the row be copied number by number.
+                        let row: Self = fearless_simd::SimdFrom::simd_from(token, *row);
+                        *to = row.into();
+                    }
                 }
             }
             #[inline(always)]
@@ -127,6 +153,6 @@ macro_rules! simd_lanes {
 }
 
 #[cfg(feature = "simd")]
-simd_lanes!(f32x4, i32x4, 4);
+simd_lanes!(f32x4, i32x4, 4, 0 1 2 3);
 #[cfg(feature = "simd")]
-simd_lanes!(f32x8, i32x8, 8);
+simd_lanes!(f32x8, i32x8, 8, 0 1 2 3 4 5 6 7);

@@ -6,8 +6,10 @@
 
 mod lanes;
 mod level;
+mod linear;
 mod output;
 mod skin;
+mod store;
 
 pub use level::Level;
 pub use output::{Attribute, Output, SizeError, VertexOrder};

@@ -1,0 +1,146 @@
+//! The bundled body, a finer one made from it, and a pose.
+
+use std::collections::HashMap;
+
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat4};
+use sinew_core::math::Affine12;
+use sinew_host::model::{Avatar, Bind, Joint, Mesh, Skeleton, Skin, Transform};
+
+/// A body with the bind matrices of a pose.
+#[derive(Clone)]
+pub struct Body {
+    pub avatar: Avatar,
+    pose: Vec<DAffine3>,
+}
+
+impl Body {
+    /// The bundled body, every joint turned a little.
+    pub fn load() -> Self {
+        let path = std::env::var("SINEW_BODY").unwrap_or("examples/data/human.glb".into());
+        let glb = gltf::Gltf::open(path).expect("opens");
+        let blob = glb.blob.as_deref().expect("blob");
+        let mesh = glb.meshes().next().expect("mesh");
+        let primitive = mesh.primitives().next().expect("primitive");
+        let reader = primitive.reader(|_| Some(blob));
+        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
+        let positions: Vec<DVec3> = reader.read_positions().unwrap().map(vector).collect();
+        let normals: Vec<DVec3> = reader.read_normals().unwrap().map(vector).collect();
+        let corners: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        let mut influences = vec![Vec::new(); positions.len()];
+        for set in 0..2 {
+            let joints = reader.read_joints(set).unwrap().into_u16();
+            let weights = reader.read_weights(set).unwrap().into_f32();
+            for (row, (joints, weights)) in influences.iter_mut().zip(joints.zip(weights)) {
+                for (joint, weight) in joints.into_iter().zip(weights) {
+                    if weight > 0.0 {
+                        row.push((u32::from(joint), f64::from(weight)));
+                    }
+                }
+            }
+        }
+        let skin = glb.skins().next().unwrap();
+        let binds: Vec<Bind> = (0..skin.joints().count())
+            .map(|joint| Bind {
+                joint,
+                inverse_bind: DAffine3::IDENTITY,
+            })
+            .collect();
+        let joints = (0..binds.len())
+            .map(|at| Joint {
+                name: format!("{at}"),
+                parent: None,
+                rest: Transform::IDENTITY,
+            })
+            .collect();
+        let pose = (0..binds.len())
+            .map(|at| {
+                let angle = 0.2 * (at as f64).sin();
+                DAffine3::from_rotation_translation(
+                    DQuat::from_rotation_y(angle),
+                    DVec3::splat(0.1 * angle),
+                )
+            })
+            .collect();
+        Self {
+            avatar: Avatar {
+                mesh: Mesh {
+                    name: String::new(),
+                    positions,
+                    normals,
+                    tangents: None,
+                    texcoords: None,
+                    triangles: corners.as_chunks().0.to_vec(),
+                    parts: Vec::new(),
+                    morphs: Vec::new(),
+                },
+                skeleton: Skeleton { joints },
+                skin: Skin { binds, influences },
+                clips: Vec::new(),
+            },
+            pose,
+        }
+    }
+
+    pub fn palette(&self) -> Vec<Affine12> {
+        let rows = |m: &DAffine3| {
+            let [x, y, z] = m.matrix3.transpose().to_cols_array_2d();
+            let t = m.translation;
+            [
+                x[0], x[1], x[2], t.x, y[0], y[1], y[2], t.y, z[0], z[1], z[2], t.z,
+            ]
+            .map(|x| x as f32)
+        };
+        self.pose.iter().map(rows).collect()
+    }
+
+    pub fn affine(&self) -> Vec<Affine3A> {
+        self.pose.iter().map(|m| m.as_affine3a()).collect()
+    }
+
+    pub fn mat4(&self) -> Vec<Mat4> {
+        self.affine().into_iter().map(Mat4::from).collect()
+    }
+}
+
+/// Every triangle cut into four; what lies between takes the mean of its two ends.
+pub fn subdivided(body: &Body) -> Body {
+    let mut fine = body.clone();
+    let (mesh, skin) = (&mut fine.avatar.mesh, &mut fine.avatar.skin);
+    let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
+    let coarse = std::mem::take(&mut mesh.triangles);
+    for [a, b, c] in coarse {
+        let [ab, bc, ca] = [[a, b], [b, c], [c, a]].map(|[from, to]| {
+            *middles
+                .entry([from.min(to), from.max(to)])
+                .or_insert_with(|| {
+                    let ends = [from as usize, to as usize];
+                    let mean = |all: &[DVec3]| (all[ends[0]] + all[ends[1]]) / 2.0;
+                    let (position, normal) =
+                        (mean(&mesh.positions), mean(&mesh.normals).normalize());
+                    let mut sum: HashMap<u32, f64> = HashMap::new();
+                    for (bind, weight) in ends.iter().flat_map(|&end| &skin.influences[end]) {
+                        *sum.entry(*bind).or_default() += weight / 2.0;
+                    }
+                    mesh.positions.push(position);
+                    mesh.normals.push(normal);
+                    skin.influences.push(sum.into_iter().collect());
+                    mesh.positions.len() as u32 - 1
+                })
+        });
+        mesh.triangles
+            .extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    fine
+}
+
+/// The heaviest influences of each vertex, at most `limit`.
+pub fn with_influences(body: &Body, limit: usize) -> Body {
+    let mut body = body.clone();
+    for row in &mut body.avatar.skin.influences {
+        row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        row.truncate(limit);
+        let sum: f64 = row.iter().map(|&(_, weight)| weight).sum();
+        row.iter_mut().for_each(|(_, weight)| *weight /= sum);
+    }
+    body
+}
