@@ -5,6 +5,7 @@
 //! skipped.
 
 pub mod body;
+pub mod gltf_oracle;
 
 use std::path::{Path, PathBuf};
 

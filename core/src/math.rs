@@ -170,6 +170,17 @@ pub fn transform_point(m: &Affine12, p: [f32; 3]) -> [f32; 3] {
     ]
 }
 
+/// The matrix applied to a direction: without its translation.
+#[inline]
+#[must_use]
+pub fn transform_vector(m: &Affine12, v: [f32; 3]) -> [f32; 3] {
+    [
+        m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
+        m[4] * v[0] + m[5] * v[1] + m[6] * v[2],
+        m[8] * v[0] + m[9] * v[1] + m[10] * v[2],
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

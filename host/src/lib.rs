@@ -17,4 +17,6 @@ pub mod bake;
 pub mod export;
 pub mod import;
 pub mod model;
+pub mod play;
 pub mod reference;
+pub mod verify;

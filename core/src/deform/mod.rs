@@ -8,9 +8,11 @@ mod lanes;
 mod level;
 mod linear;
 mod output;
+mod plain;
 mod skin;
 mod store;
 
 pub use level::Level;
 pub use output::{Attribute, Output, SizeError, VertexOrder};
+pub use plain::{PlainMesh, skin_plain};
 pub use skin::skin_blocks;

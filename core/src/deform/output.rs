@@ -156,6 +156,27 @@ impl<'o> Output<'o> {
         self
     }
 
+    pub(super) fn put_position(&mut self, vertex: usize, value: [f32; 3]) {
+        self.put(self.positions, vertex, value);
+    }
+
+    pub(super) fn put_normal(&mut self, vertex: usize, value: [f32; 3]) {
+        if let Some(normals) = self.normals {
+            self.put(normals, vertex, value);
+        }
+    }
+
+    fn put(&mut self, (attribute, buffer): (Attribute, usize), vertex: usize, value: [f32; 3]) {
+        let at = vertex * attribute.stride + attribute.offset;
+        let buffer = self
+            .buffers
+            .get_mut(buffer)
+            .and_then(|buffer| buffer.get_mut(at..));
+        if let Some(slot) = buffer.and_then(<[f32]>::first_chunk_mut) {
+            *slot = value;
+        }
+    }
+
     /// Whether it was made for an asset of this size.
     #[must_use]
     pub fn fits(&self, dims: &Dims) -> bool {

@@ -174,4 +174,4 @@ fn turn<L: Lanes>(token: L::Token, m: &[L; 12], directions: &Lanes3, first: usiz
 }
 
 /// Added to squared lengths: far below one, far above where a reciprocal would overflow.
-const SMALLEST_LENGTH2: f32 = 1e-20;
+pub(super) const SMALLEST_LENGTH2: f32 = 1e-20;
