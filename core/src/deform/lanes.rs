@@ -2,7 +2,11 @@
 //!
 //! Kernels are written once against [`Lanes`]. Multiply and add stay separate everywhere.
 
-use crate::asset::LANES;
+use crate::asset::{LANES, WEIGHT_ONE};
+use crate::math::{ROUGH_FACTORS, ROUGH_GUESS};
+
+/// A weight's unit, a power of two: products with it round nothing.
+const WEIGHT_UNIT: f32 = 1.0 / WEIGHT_ONE as f32;
 
 /// The lanes of a block that one register holds.
 pub(super) trait Lanes: Copy {
@@ -16,25 +20,27 @@ pub(super) trait Lanes: Copy {
     fn splat(token: Self::Token, value: f32) -> Self;
     /// Lanes `first..first + WIDTH`; zero where `first` is out of range.
     fn load(token: Self::Token, from: &[f32; LANES], first: usize) -> Self;
+    /// As parts of one.
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
     /// Vertices instead of axes.
     fn rows(xyz: [Self; 3]) -> Self::Rows;
     /// Writes vertices `first..first + WIDTH` of a block, nothing between them.
+    #[cfg(feature = "simd")]
     fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
-    /// First guess of [`Self::inverse_sqrt`].
+    /// First guess of [`Self::rough_inverse_sqrt`].
     fn inverse_sqrt_guess(self) -> Self;
 
-    /// The same operations in the same order as [`crate::math::inverse_sqrt`].
+    /// The same operations in the same order as [`crate::math::rough_inverse_sqrt`].
     #[inline(always)]
-    fn inverse_sqrt(self, token: Self::Token) -> Self {
+    fn rough_inverse_sqrt(self, token: Self::Token) -> Self {
         let half = Self::splat(token, 0.5).mul(self);
-        let three_halves = Self::splat(token, 1.5);
         let mut y = self.inverse_sqrt_guess();
-        for _ in 0..3 {
-            y = y.mul(three_halves.sub(half.mul(y).mul(y)));
+        for factor in ROUGH_FACTORS {
+            let cubed = half.mul(y).mul(y.mul(y));
+            y = Self::splat(token, factor).mul(y).sub(cubed);
         }
         y
     }
@@ -55,12 +61,14 @@ impl Lanes for f32 {
     }
     #[inline(always)]
     fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
-        from.get(first).map_or(0.0, |&weight| f32::from(weight))
+        from.get(first)
+            .map_or(0.0, |&weight| f32::from(weight) * WEIGHT_UNIT)
     }
     #[inline(always)]
     fn rows(xyz: [Self; 3]) -> Self::Rows {
         [xyz]
     }
+    #[cfg(feature = "simd")]
     #[inline(always)]
     fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
         if let Some(to) = to.as_chunks_mut::<3>().0.get_mut(first) {
@@ -81,13 +89,13 @@ impl Lanes for f32 {
     }
     #[inline(always)]
     fn inverse_sqrt_guess(self) -> Self {
-        f32::from_bits(0x5f37_5a86_u32.wrapping_sub(self.to_bits() >> 1))
+        f32::from_bits(ROUGH_GUESS.wrapping_sub(self.to_bits() >> 1))
     }
 }
 
 #[cfg(feature = "simd")]
 macro_rules! simd_lanes {
-    ($vector:ident, $bits:ident, $width:literal, $($lane:literal)*) => {
+    ($vector:ident, $bits:ident, $width:literal, $transpose:path, $($lane:literal)*) => {
         impl<S: fearless_simd::Simd> Lanes for fearless_simd::$vector<S> {
             type Token = S;
             type Rows = [[f32; 3]; $width];
@@ -108,7 +116,8 @@ macro_rules! simd_lanes {
                 // Small enough for a signed conversion, which every instruction set has.
                 let part = part.unwrap_or(&[0; $width]).map(i32::from);
                 let part: fearless_simd::$bits<S> = fearless_simd::SimdFrom::simd_from(token, part);
-                fearless_simd::SimdInt::to_float(part)
+                let part: Self = fearless_simd::SimdInt::to_float(part);
+                part * <Self as Lanes>::splat(token, WEIGHT_UNIT)
             }
             #[inline(always)]
             fn rows([x, y, z]: [Self; 3]) -> Self::Rows {
@@ -120,13 +129,10 @@ macro_rules! simd_lanes {
             #[inline(always)]
             fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
                 let token = fearless_simd::ExtractToken::token(&xyz[0]);
-                let rows = Self::rows(xyz);
                 let to = to.as_chunks_mut::<{ 3 * $width }>().0;
                 if let Some(to) = to.get_mut(first / $width) {
-                    let rows = rows.as_flattened().as_chunks::<$width>().0;
+                    let rows = $transpose(token, xyz);
                     for (to, row) in to.as_chunks_mut::<$width>().0.iter_mut().zip(rows) {
-                        // Through a register, lest the row be copied number by number.
-                        let row: Self = fearless_simd::SimdFrom::simd_from(token, *row);
                         *to = row.into();
                     }
                 }
@@ -146,13 +152,13 @@ macro_rules! simd_lanes {
             #[inline(always)]
             fn inverse_sqrt_guess(self) -> Self {
                 let bits = fearless_simd::SimdFloat::to_bits(self) >> 1;
-                fearless_simd::SimdFloat::from_bits(0x5f37_5a86_u32 - bits)
+                fearless_simd::SimdFloat::from_bits(ROUGH_GUESS - bits)
             }
         }
     };
 }
 
 #[cfg(feature = "simd")]
-simd_lanes!(f32x4, i32x4, 4, 0 1 2 3);
+simd_lanes!(f32x4, i32x4, 4, super::transpose::four, 0 1 2 3);
 #[cfg(feature = "simd")]
-simd_lanes!(f32x8, i32x8, 8, 0 1 2 3 4 5 6 7);
+simd_lanes!(f32x8, i32x8, 8, super::transpose::eight, 0 1 2 3 4 5 6 7);

@@ -11,6 +11,8 @@ mod output;
 mod plain;
 mod skin;
 mod store;
+#[cfg(feature = "simd")]
+mod transpose;
 
 pub use level::Level;
 pub use output::{Attribute, Output, SizeError, VertexOrder};

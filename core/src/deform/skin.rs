@@ -9,9 +9,11 @@ use super::Level;
 use super::lanes::Lanes;
 use super::linear::Linear;
 use super::output::Output;
-use super::store::{Packed, Scattered, Store, Strided};
+#[cfg(feature = "simd")]
+use super::store::{Packed, Scattered};
+use super::store::{Store, Strided};
 use crate::asset::{Asset, LANES, Lanes3};
-use crate::math::Affine12;
+use crate::math::{Affine12, IDENTITY, inverse_sqrt};
 
 /// Skins a range of blocks: `v = (sum_i w_i M_i D_i^-1) v_d`, normals by the same matrix without
 /// its translation, then to unit length (exact for rotation and uniform scale).
@@ -64,7 +66,9 @@ pub(super) struct Job<'j, 'a, B> {
 
 /// Finds a matrix for each lane of a block.
 pub(super) trait Blend {
-    /// Rows of 3 x 4 for lanes `first..first + L::WIDTH` of a block with these slots.
+    /// The matrix of a block that hangs on one bind.
+    fn rigid(&self, bind: u16) -> &Affine12;
+    /// Rows of 3 x 4 for lanes `first..first + L::WIDTH` of a block with these slots, two or more.
     fn matrix<L: Lanes>(&self, token: L::Token, slots: Slots<'_>, first: usize) -> [L; 12];
 }
 
@@ -109,32 +113,158 @@ fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Job<'_, '_, B>, output: 
 
 #[inline(always)]
 fn blocks_by<L: Lanes, B: Blend, S: Store>(token: L::Token, job: &Job<'_, '_, B>, store: &mut S) {
-    let asset = job.asset;
-    let blocks = job.blocks.clone();
-    let starts = asset.block_slots.get(blocks.clone()).unwrap_or_default();
-    let ends = asset
-        .block_slots
-        .get(blocks.start + 1..)
-        .unwrap_or_default();
-    let positions = asset.positions.get(blocks.clone()).unwrap_or_default();
-    let normals = asset.normals.get(blocks.clone()).unwrap_or_default();
-    let wants_normals = store.wants_normals();
-    let rows = starts.iter().zip(ends).zip(positions).zip(normals);
-    for (block, (((&start, &end), positions), normals)) in blocks.zip(rows) {
-        let range = start as usize..end as usize;
-        let slots = Slots {
-            binds: asset.slot_binds.get(range.clone()).unwrap_or_default(),
-            weights: asset.slot_weights.get(range).unwrap_or_default(),
+    for run in job.asset.runs() {
+        let first = run.blocks.start.max(job.blocks.start);
+        let end = run.blocks.end.min(job.blocks.end);
+        let skipped = first.saturating_sub(run.blocks.start) * run.slots;
+        let part = Part {
+            first,
+            slots: run.slots,
+            binds: run.binds.get(skipped..).unwrap_or_default(),
+            weights: run.weights.get(skipped..).unwrap_or_default(),
+            positions: job.asset.positions.get(first..end).unwrap_or_default(),
+            normals: job.asset.normals.get(first..end).unwrap_or_default(),
         };
+        if run.slots == 1 {
+            rigid_blocks::<L, B, S>(token, &job.blend, &part, store);
+        } else {
+            blended_blocks::<L, B, S>(token, &job.blend, &part, store);
+        }
+    }
+}
+
+/// Blocks of one run.
+struct Part<'a> {
+    first: usize,
+    slots: usize,
+    binds: &'a [u16],
+    weights: &'a [[u16; LANES]],
+    positions: &'a [Lanes3],
+    normals: &'a [Lanes3],
+}
+
+#[inline(always)]
+fn blended_blocks<L: Lanes, B: Blend, S: Store>(
+    token: L::Token,
+    blend: &B,
+    part: &Part<'_>,
+    store: &mut S,
+) {
+    let slots = part.slots.max(1);
+    let wants_normals = store.wants_normals();
+    let slots = part
+        .binds
+        .chunks_exact(slots)
+        .zip(part.weights.chunks_exact(slots));
+    let rest = part.positions.iter().zip(part.normals);
+    // The square root of a block waits for long chains of operations. It comes after the sums of
+    // the next block, by which time its input is ready and it delays nothing.
+    let mut waiting = None;
+    for (block, ((positions, normals), (binds, weights))) in (part.first..).zip(rest.zip(slots)) {
         for first in (0..LANES).step_by(L::WIDTH) {
-            let matrix = job.blend.matrix::<L>(token, slots, first);
-            store.positions(block, first, move_points(token, &matrix, positions, first));
+            let matrix = blend.matrix::<L>(token, Slots { binds, weights }, first);
+            let position = load::<L>(token, positions, first);
+            store.positions(block, first, move_point(&matrix, position));
             if wants_normals {
-                store.normals(block, first, turn(token, &matrix, normals, first));
+                let normal = turn(&matrix, load::<L>(token, normals, first));
+                if let Some((block, first, normal)) = waiting.replace((block, first, normal)) {
+                    store.normals(block, first, to_unit_length(token, normal));
+                }
+            }
+        }
+    }
+    if let Some((block, first, normal)) = waiting {
+        store.normals(block, first, to_unit_length(token, normal));
+    }
+}
+
+/// Blocks that hang on one bind, whose weight is one: the same in every mode.
+#[inline(always)]
+fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
+    token: L::Token,
+    blend: &B,
+    part: &Part<'_>,
+    store: &mut S,
+) {
+    let wants_normals = store.wants_normals();
+    let rest = part.positions.iter().zip(part.normals);
+    let mut held = None;
+    let mut rigid = Rigid::of(&IDENTITY);
+    for (block, (&bind, (positions, normals))) in (part.first..).zip(part.binds.iter().zip(rest)) {
+        if held != Some(bind) {
+            held = Some(bind);
+            rigid = Rigid::of(blend.rigid(bind));
+        }
+        let mut matrix = [L::splat(token, 0.0); 12];
+        for first in (0..LANES).step_by(L::WIDTH) {
+            for (lanes, &value) in matrix.iter_mut().zip(&rigid.matrix) {
+                *lanes = L::splat(token, value);
+            }
+            let position = load::<L>(token, positions, first);
+            store.positions(block, first, move_point(&matrix, position));
+            if wants_normals {
+                for (lanes, &value) in matrix.iter_mut().zip(&rigid.normals) {
+                    *lanes = L::splat(token, value);
+                }
+                let mut normal = turn(&matrix, load::<L>(token, normals, first));
+                if !rigid.keeps_length {
+                    normal = to_unit_length(token, normal);
+                }
+                store.normals(block, first, normal);
             }
         }
     }
 }
+
+/// The matrix of a bind, and what it does to normals.
+struct Rigid {
+    matrix: Affine12,
+    normals: Affine12,
+    /// Whether `normals` leaves unit vectors at unit length.
+    keeps_length: bool,
+}
+
+impl Rigid {
+    /// A rotation with a uniform scale, divided by that, keeps the length of normals, which saves
+    /// a square root for each.
+    #[inline]
+    fn of(matrix: &Affine12) -> Self {
+        let &[ax, bx, cx, _, ay, by, cy, _, az, bz, cz, _] = matrix;
+        let [aa, bb, cc] = [
+            ax * ax + ay * ay + az * az,
+            bx * bx + by * by + bz * bz,
+            cx * cx + cy * cy + cz * cz,
+        ];
+        let odd = [
+            aa - bb,
+            aa - cc,
+            ax * bx + ay * by + az * bz,
+            ax * cx + ay * cy + az * cz,
+            bx * cx + by * cy + bz * cz,
+        ];
+        let limit = UNIFORM * aa;
+        let mut keeps_length = (1e-12..=1e12).contains(&aa);
+        for value in odd {
+            keeps_length &= (-limit..=limit).contains(&value);
+        }
+        let mut normals = *matrix;
+        if keeps_length {
+            let factor = inverse_sqrt(aa);
+            for value in &mut normals {
+                *value *= factor;
+            }
+        }
+        Self {
+            matrix: *matrix,
+            normals,
+            keeps_length,
+        }
+    }
+}
+
+/// How far columns of a matrix, relative to their squared length, may be from equally long and
+/// perpendicular: a hundred times the rounding of a chain of joints.
+const UNIFORM: f32 = 1e-5;
 
 #[inline(always)]
 fn load<L: Lanes>(token: L::Token, from: &Lanes3, first: usize) -> [L; 3] {
@@ -145,31 +275,37 @@ fn load<L: Lanes>(token: L::Token, from: &Lanes3, first: usize) -> [L; 3] {
     ]
 }
 
+/// Column by column from the translation on: so few registers hold numbers at once that none
+/// goes to memory.
 #[inline(always)]
-fn move_points<L: Lanes>(token: L::Token, m: &[L; 12], points: &Lanes3, first: usize) -> [L; 3] {
-    let [x, y, z] = load::<L>(token, points, first);
-    [
-        m[0].mul(x).add(m[1].mul(y)).add(m[2].mul(z)).add(m[3]),
-        m[4].mul(x).add(m[5].mul(y)).add(m[6].mul(z)).add(m[7]),
-        m[8].mul(x).add(m[9].mul(y)).add(m[10].mul(z)).add(m[11]),
-    ]
+fn move_point<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
+    let mut moved = [m[3], m[7], m[11]];
+    for (column, coordinate) in [x, y, z].into_iter().enumerate() {
+        for (sum, row) in moved.iter_mut().zip(m.as_chunks::<4>().0) {
+            *sum = sum.add(row[column].mul(coordinate));
+        }
+    }
+    moved
 }
 
-/// Directions at unit length.
 #[inline(always)]
-fn turn<L: Lanes>(token: L::Token, m: &[L; 12], directions: &Lanes3, first: usize) -> [L; 3] {
-    let [x, y, z] = load::<L>(token, directions, first);
-    let turned = [
-        m[0].mul(x).add(m[1].mul(y)).add(m[2].mul(z)),
-        m[4].mul(x).add(m[5].mul(y)).add(m[6].mul(z)),
-        m[8].mul(x).add(m[9].mul(y)).add(m[10].mul(z)),
-    ];
-    let [x, y, z] = turned;
+fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
+    let mut turned = [m[0].mul(x), m[4].mul(x), m[8].mul(x)];
+    for (column, coordinate) in [(1, y), (2, z)] {
+        for (sum, row) in turned.iter_mut().zip(m.as_chunks::<4>().0) {
+            *sum = sum.add(row[column].mul(coordinate));
+        }
+    }
+    turned
+}
+
+#[inline(always)]
+fn to_unit_length<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [L; 3] {
     let length2 = x.mul(x).add(y.mul(y)).add(z.mul(z));
     // A normal blended to nothing stays nothing instead of becoming infinite.
     let factor = length2
         .add(L::splat(token, SMALLEST_LENGTH2))
-        .inverse_sqrt(token);
+        .rough_inverse_sqrt(token);
     [x.mul(factor), y.mul(factor), z.mul(factor)]
 }
 

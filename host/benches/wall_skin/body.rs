@@ -1,10 +1,12 @@
 //! The bundled body, a finer one made from it, and a pose.
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat4};
 use sinew_core::math::Affine12;
-use sinew_host::model::{Avatar, Bind, Joint, Mesh, Skeleton, Skin, Transform};
+use sinew_host::import::gltf::read_gltf;
+use sinew_host::model::Avatar;
 
 /// A body with the bind matrices of a pose.
 #[derive(Clone)]
@@ -16,43 +18,12 @@ pub struct Body {
 impl Body {
     /// The bundled body, every joint turned a little.
     pub fn load() -> Self {
-        let path = std::env::var("SINEW_BODY").unwrap_or("examples/data/human.glb".into());
-        let glb = gltf::Gltf::open(path).expect("opens");
-        let blob = glb.blob.as_deref().expect("blob");
-        let mesh = glb.meshes().next().expect("mesh");
-        let primitive = mesh.primitives().next().expect("primitive");
-        let reader = primitive.reader(|_| Some(blob));
-        let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
-        let positions: Vec<DVec3> = reader.read_positions().unwrap().map(vector).collect();
-        let normals: Vec<DVec3> = reader.read_normals().unwrap().map(vector).collect();
-        let corners: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
-        let mut influences = vec![Vec::new(); positions.len()];
-        for set in 0..2 {
-            let joints = reader.read_joints(set).unwrap().into_u16();
-            let weights = reader.read_weights(set).unwrap().into_f32();
-            for (row, (joints, weights)) in influences.iter_mut().zip(joints.zip(weights)) {
-                for (joint, weight) in joints.into_iter().zip(weights) {
-                    if weight > 0.0 {
-                        row.push((u32::from(joint), f64::from(weight)));
-                    }
-                }
-            }
-        }
-        let skin = glb.skins().next().unwrap();
-        let binds: Vec<Bind> = (0..skin.joints().count())
-            .map(|joint| Bind {
-                joint,
-                inverse_bind: DAffine3::IDENTITY,
-            })
-            .collect();
-        let joints = (0..binds.len())
-            .map(|at| Joint {
-                name: format!("{at}"),
-                parent: None,
-                rest: Transform::IDENTITY,
-            })
-            .collect();
-        let pose = (0..binds.len())
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/data/human.glb");
+        let bytes = std::fs::read(path).expect("the bundled body");
+        let raw = read_gltf(&bytes, "human.glb", Path::new("")).expect("reads");
+        let (avatar, _) = Avatar::new(raw, "human.glb").expect("sound");
+        let binds = avatar.skin.binds.len();
+        let pose = (0..binds)
             .map(|at| {
                 let angle = 0.2 * (at as f64).sin();
                 DAffine3::from_rotation_translation(
@@ -61,24 +32,7 @@ impl Body {
                 )
             })
             .collect();
-        Self {
-            avatar: Avatar {
-                mesh: Mesh {
-                    name: String::new(),
-                    positions,
-                    normals,
-                    tangents: None,
-                    texcoords: None,
-                    triangles: corners.as_chunks().0.to_vec(),
-                    parts: Vec::new(),
-                    morphs: Vec::new(),
-                },
-                skeleton: Skeleton { joints },
-                skin: Skin { binds, influences },
-                clips: Vec::new(),
-            },
-            pose,
-        }
+        Self { avatar, pose }
     }
 
     pub fn palette(&self) -> Vec<Affine12> {
@@ -106,6 +60,9 @@ impl Body {
 pub fn subdivided(body: &Body) -> Body {
     let mut fine = body.clone();
     let (mesh, skin) = (&mut fine.avatar.mesh, &mut fine.avatar.skin);
+    for part in &mut mesh.parts {
+        part.triangles = 4 * part.triangles.start..4 * part.triangles.end;
+    }
     let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
     let coarse = std::mem::take(&mut mesh.triangles);
     for [a, b, c] in coarse {

@@ -3,6 +3,7 @@
 use std::hint::black_box;
 
 use glam::{Affine3A, Mat4, Vec3};
+use sinew_core::deform::PlainMesh;
 use sinew_host::model::Avatar;
 
 /// A mesh as engines hold it.
@@ -35,6 +36,19 @@ impl Plain {
             weights,
             influences,
         }
+    }
+
+    /// As the core's plain path takes it.
+    pub fn mesh(&self) -> PlainMesh<'_> {
+        let (binds, weights) = (&self.joints, &self.weights);
+        PlainMesh::new(
+            &self.positions,
+            &self.normals,
+            binds,
+            weights,
+            self.influences,
+        )
+        .expect("lengths agree")
     }
 
     pub fn touch(&self, positions: &mut [[f32; 3]], normals: &mut [[f32; 3]]) {

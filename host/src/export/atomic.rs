@@ -75,7 +75,11 @@ impl AtomicFile {
                 COUNT.fetch_add(1, Ordering::Relaxed)
             ));
             let temporary = folder.join(temporary);
-            match OpenOptions::new().write(true).create_new(true).open(&temporary) {
+            match OpenOptions::new()
+                .write(true)
+                .create_new(true)
+                .open(&temporary)
+            {
                 Ok(file) => return Ok((file, Some(Rename { temporary, target }))),
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error.into()),
@@ -96,7 +100,9 @@ impl AtomicFile {
         let Some(writer) = self.writer.take() else {
             return Ok(());
         };
-        let file = writer.into_inner().map_err(io::IntoInnerError::into_error)?;
+        let file = writer
+            .into_inner()
+            .map_err(io::IntoInnerError::into_error)?;
         let Some(Rename { temporary, target }) = &self.rename else {
             return Ok(());
         };
@@ -109,7 +115,9 @@ impl AtomicFile {
         fs::rename(temporary, target)?;
         // The new name survives a power cut only once the folder is on the disk too; not every
         // system lets a folder be opened, and the file itself is safe by now.
-        let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = target
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
         if let Ok(folder) = File::open(folder.unwrap_or(Path::new("."))) {
             let _ = folder.sync_all();
         }
@@ -246,8 +254,15 @@ mod tests {
         symlink(folder.path("real"), folder.path("link")).unwrap();
         write_atomic(folder.path("link"), |out| Ok(out.write_all(b"new")?)).unwrap();
         assert_eq!(fs::read(folder.path("real")).unwrap(), b"new");
-        assert!(fs::symlink_metadata(folder.path("link")).unwrap().is_symlink());
-        let mode = fs::metadata(folder.path("real")).unwrap().permissions().mode();
+        assert!(
+            fs::symlink_metadata(folder.path("link"))
+                .unwrap()
+                .is_symlink()
+        );
+        let mode = fs::metadata(folder.path("real"))
+            .unwrap()
+            .permissions()
+            .mode();
         assert_eq!(mode & 0o777, 0o640);
 
         write_atomic("/dev/null", |out| Ok(out.write_all(b"gone")?)).unwrap();

@@ -76,7 +76,8 @@ impl NpyWriter {
             return Err(self.count_error());
         }
         self.bytes.clear();
-        self.bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
+        self.bytes
+            .extend(values.iter().flat_map(|value| value.to_le_bytes()));
         self.file
             .write_all(&self.bytes)
             .map_err(|error| ExportErrorKind::from(error).at(self.file.path()))
@@ -114,7 +115,10 @@ fn header(shape: &[usize]) -> Vec<u8> {
         sizes.join(", ")
     );
     let unpadded = MAGIC.len() + 4 + text.len() + 1;
-    text.extend(std::iter::repeat_n(' ', unpadded.next_multiple_of(64) - unpadded));
+    text.extend(std::iter::repeat_n(
+        ' ',
+        unpadded.next_multiple_of(64) - unpadded,
+    ));
     text.push('\n');
     let mut bytes = MAGIC.to_vec();
     bytes.extend([1, 0]);
@@ -165,7 +169,10 @@ fn parse(bytes: &[u8]) -> Result<NpyArray, ImportErrorKind> {
         }
         2 | 3 => {
             let size = bytes.get(8..12).ok_or_else(cut)?;
-            (12, u32::from_le_bytes([size[0], size[1], size[2], size[3]]) as usize)
+            (
+                12,
+                u32::from_le_bytes([size[0], size[1], size[2], size[3]]) as usize,
+            )
         }
         other => {
             return Err(ImportErrorKind::Unsupported {
@@ -173,15 +180,17 @@ fn parse(bytes: &[u8]) -> Result<NpyArray, ImportErrorKind> {
             });
         }
     };
-    let text = bytes.get(start..start.saturating_add(length)).ok_or_else(cut)?;
+    let text = bytes
+        .get(start..start.saturating_add(length))
+        .ok_or_else(cut)?;
     let text = std::str::from_utf8(text).map_err(|_| wrong("the header is not text"))?;
     let entry = |key: &str| {
         let quoted = format!("'{key}':");
-        text.split_once(&quoted).map(|(_, rest)| rest.trim_start()).ok_or_else(|| {
-            ImportErrorKind::Missing {
+        text.split_once(&quoted)
+            .map(|(_, rest)| rest.trim_start())
+            .ok_or_else(|| ImportErrorKind::Missing {
                 what: format!("{key} in the header"),
-            }
-        })
+            })
     };
     let wide = match entry("descr")?.get(..5) {
         Some("'<f4'") => false,
@@ -197,10 +206,16 @@ fn parse(bytes: &[u8]) -> Result<NpyArray, ImportErrorKind> {
             what: "Fortran order".into(),
         });
     }
-    let sizes = entry("shape")?.strip_prefix('(').and_then(|rest| rest.split_once(')'));
+    let sizes = entry("shape")?
+        .strip_prefix('(')
+        .and_then(|rest| rest.split_once(')'));
     let (sizes, _) = sizes.ok_or_else(|| wrong("the shape is not a tuple"))?;
     let mut shape = Vec::new();
-    for size in sizes.split(',').map(str::trim).filter(|size| !size.is_empty()) {
+    for size in sizes
+        .split(',')
+        .map(str::trim)
+        .filter(|size| !size.is_empty())
+    {
         shape.push(size.parse().map_err(|_| ImportErrorKind::BadNumber {
             what: "a size of the array".into(),
             text: size.to_owned(),
@@ -210,7 +225,9 @@ fn parse(bytes: &[u8]) -> Result<NpyArray, ImportErrorKind> {
     let width = if wide { 8 } else { 4 };
     let needed = shape
         .iter()
-        .try_fold(width as u64, |count, &size: &usize| count.checked_mul(size as u64))
+        .try_fold(width as u64, |count, &size: &usize| {
+            count.checked_mul(size as u64)
+        })
         .unwrap_or(u64::MAX);
     if needed != data.len() as u64 {
         return Err(ImportErrorKind::Truncated {
@@ -224,7 +241,9 @@ fn parse(bytes: &[u8]) -> Result<NpyArray, ImportErrorKind> {
         numbers.map(|&bytes| f64::from_le_bytes(bytes)).collect()
     } else {
         let numbers = data.as_chunks().0.iter();
-        numbers.map(|&bytes| f64::from(f32::from_le_bytes(bytes))).collect()
+        numbers
+            .map(|&bytes| f64::from(f32::from_le_bytes(bytes)))
+            .collect()
     };
     Ok(NpyArray { shape, values })
 }
@@ -290,7 +309,10 @@ mod tests {
     #[test]
     fn reader_takes_f8_and_refuses_every_truncation() {
         let mut bytes = header(&[2]);
-        let at = bytes.windows(3).position(|window| window == b"<f4").unwrap();
+        let at = bytes
+            .windows(3)
+            .position(|window| window == b"<f4")
+            .unwrap();
         bytes[at + 2] = b'8';
         bytes.extend(1.5f64.to_le_bytes());
         bytes.extend((-3.0f64).to_le_bytes());

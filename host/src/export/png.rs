@@ -48,19 +48,34 @@ pub fn contact_sheet(images: &[Image], columns: usize, captions: &[&str]) -> Ima
     let widest = images.iter().map(|image| image.width).max().unwrap_or(0);
     let tallest = images.iter().map(|image| image.height).max().unwrap_or(0);
     let scale = (widest as f32 / 240.0).clamp(1.0, 2.0);
-    let strip = if captions.is_empty() { 0 } else { (13.0 * scale) as usize };
+    let strip = if captions.is_empty() {
+        0
+    } else {
+        (13.0 * scale) as usize
+    };
     let (cell_width, cell_height) = (widest + GAP, tallest + strip + GAP);
     let rows = images.len().div_ceil(columns);
     let mut sheet = Image::new(columns * cell_width + GAP, rows * cell_height + GAP, GROUND);
     for (index, image) in images.iter().enumerate() {
         let x = index % columns * cell_width + GAP;
         let y = index / columns * cell_height + GAP;
-        sheet.paste(image, x + (widest - image.width) / 2, y + tallest - image.height);
+        sheet.paste(
+            image,
+            x + (widest - image.width) / 2,
+            y + tallest - image.height,
+        );
         if let Some(caption) = captions.get(index) {
             let caption = text::shorten(caption, scale, widest as i64);
             let indent = (widest as i64 - text::width(&caption, scale)) / 2;
             let top = (y + tallest) as i64 + (3.0 * scale) as i64;
-            text::draw(&mut sheet, x as i64 + indent.max(0), top, scale, INK, &caption);
+            text::draw(
+                &mut sheet,
+                x as i64 + indent.max(0),
+                top,
+                scale,
+                INK,
+                &caption,
+            );
         }
     }
     sheet
@@ -100,7 +115,10 @@ mod tests {
         assert_eq!(sheet.pixel(7, 8), [255; 3]);
         assert_eq!(sheet.pixel(26, 22), [255; 3]);
         let with_captions = contact_sheet(&images, 9, &["a"]);
-        assert_eq!((with_captions.width, with_captions.height), (3 * 18 + 8, 8 + 27));
+        assert_eq!(
+            (with_captions.width, with_captions.height),
+            (3 * 18 + 8, 8 + 27)
+        );
         assert_eq!(contact_sheet(&[], 3, &[]), Image::default());
     }
 }

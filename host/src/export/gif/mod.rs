@@ -76,7 +76,12 @@ impl GifWriter {
         let path = path.as_ref();
         let refuse = |what: &str, value: String, expected: String| {
             let what = what.to_owned();
-            ExportErrorKind::OutOfRange { what, value, expected }.at(path)
+            ExportErrorKind::OutOfRange {
+                what,
+                value,
+                expected,
+            }
+            .at(path)
         };
         let side = |what: &str, pixels: usize| {
             let size = u16::try_from(pixels).ok().filter(|&size| size > 0);
@@ -93,7 +98,9 @@ impl GifWriter {
         let file = AtomicFile::create(path)?;
         let mut encoder = Encoder::new(file, columns, rows, &palette.bytes())
             .map_err(|error| kind(error).at(path))?;
-        encoder.set_repeat(Repeat::Infinite).map_err(|error| kind(error).at(path))?;
+        encoder
+            .set_repeat(Repeat::Infinite)
+            .map_err(|error| kind(error).at(path))?;
         Ok(Self {
             encoder,
             path: path.to_owned(),
@@ -156,7 +163,9 @@ impl GifWriter {
     }
 
     fn write(&mut self, frame: &Frame) -> Result<(), ExportError> {
-        self.encoder.write_frame(frame).map_err(|error| kind(error).at(&self.path))
+        self.encoder
+            .write_frame(frame)
+            .map_err(|error| kind(error).at(&self.path))
     }
 
     /// Hundredths of a second, rounded so that the sum over all frames stays true.
@@ -175,7 +184,9 @@ impl GifWriter {
         let tolerance = self.palette.tolerance();
         let pairs = self.painted.iter().zip(pixels);
         let differs = |(&(old, _), &new): (&(Rgb, u8), &Rgb)| {
-            old.iter().zip(new).any(|(&old, new)| old.abs_diff(new) > tolerance)
+            old.iter()
+                .zip(new)
+                .any(|(&old, new)| old.abs_diff(new) > tolerance)
         };
         pairs.map(differs).collect()
     }
@@ -212,7 +223,12 @@ impl GifWriter {
                     let index = self.mixture(pixels[at]).at(x, y);
                     self.painted[at] = (pixels[at], index);
                     let stays = index == shown && !first;
-                    buffer.push(self.palette.transparent().filter(|_| stays).unwrap_or(index));
+                    buffer.push(
+                        self.palette
+                            .transparent()
+                            .filter(|_| stays)
+                            .unwrap_or(index),
+                    );
                 } else {
                     buffer.push(self.palette.transparent().unwrap_or(shown));
                 }

@@ -107,9 +107,17 @@ impl Palette {
                 let other_is_darker = along.iter().sum::<f32>() < 0.0;
                 let steps = (share * 64.0) as u8;
                 best = if other_is_darker {
-                    Mixture { dark: index as u8, light: nearest as u8, darkness: steps }
+                    Mixture {
+                        dark: index as u8,
+                        light: nearest as u8,
+                        darkness: steps,
+                    }
                 } else {
-                    Mixture { dark: nearest as u8, light: index as u8, darkness: 64 - steps }
+                    Mixture {
+                        dark: nearest as u8,
+                        light: index as u8,
+                        darkness: 64 - steps,
+                    }
                 };
             }
         }
@@ -133,7 +141,11 @@ impl Mixture {
     /// The entry for the pixel at column `x`, row `y`, by Bayer's 8 x 8 matrix: the same in every
     /// frame, so that a still surface does not flicker.
     pub fn at(self, x: usize, y: usize) -> u8 {
-        if bayer(x, y) < self.darkness { self.dark } else { self.light }
+        if bayer(x, y) < self.darkness {
+            self.dark
+        } else {
+            self.light
+        }
     }
 }
 
@@ -198,7 +210,9 @@ fn histogram(images: &[Image]) -> Vec<Bin> {
         let step = (pixels.len() / SAMPLED_PIXELS) | 1;
         for color in pixels.iter().step_by(step) {
             // The lowest bit would double the work for no visible gain.
-            *counts.entry(color.map(|byte| byte & !1 | byte >> 7)).or_default() += 1;
+            *counts
+                .entry(color.map(|byte| byte & !1 | byte >> 7))
+                .or_default() += 1;
         }
     }
     let mut bins: Vec<Bin> = counts
@@ -218,14 +232,21 @@ fn histogram(images: &[Image]) -> Vec<Bin> {
 fn quantise(mut bins: Vec<Bin>, count: usize) -> Vec<Rgb> {
     let mut boxes = vec![Spread::of(&bins, 0..bins.len())];
     while boxes.len() < count {
-        let widest = boxes.iter().enumerate().max_by(|a, b| a.1.error.total_cmp(&b.1.error));
+        let widest = boxes
+            .iter()
+            .enumerate()
+            .max_by(|a, b| a.1.error.total_cmp(&b.1.error));
         let Some((index, _)) = widest.filter(|(_, widest)| widest.error > 0.0) else {
             break;
         };
-        let Spread { range, axis, mean, .. } = boxes.swap_remove(index);
+        let Spread {
+            range, axis, mean, ..
+        } = boxes.swap_remove(index);
         let part = &mut bins[range.clone()];
         part.sort_unstable_by(|a, b| {
-            a.point[axis].total_cmp(&b.point[axis]).then(a.color.cmp(&b.color))
+            a.point[axis]
+                .total_cmp(&b.point[axis])
+                .then(a.color.cmp(&b.color))
         });
         let below = part.partition_point(|bin| bin.point[axis] < mean[axis]);
         // Rounding can put the mean at or below the least value.
@@ -264,7 +285,9 @@ impl Spread {
         };
         let mean = [0, 1, 2].map(|k| sum(&|bin| bin.point[k]) / total.max(f32::MIN_POSITIVE));
         let errors = [0, 1, 2].map(|k| sum(&|bin| (bin.point[k] - mean[k]).powi(2)));
-        let axis = (0..3).max_by(|&a, &b| errors[a].total_cmp(&errors[b])).unwrap_or(0);
+        let axis = (0..3)
+            .max_by(|&a, &b| errors[a].total_cmp(&errors[b]))
+            .unwrap_or(0);
         // One bin cannot be split, whatever rounding says about its spread.
         let error = if part.len() < 2 { 0.0 } else { errors[axis] };
         Self {
@@ -328,12 +351,17 @@ mod tests {
 
     #[test]
     fn more_colours_are_chosen_near_the_pictures_own() {
-        let colors: Vec<Rgb> = (0..1000).map(|k| [(k % 250) as u8, (k / 4) as u8, 128]).collect();
+        let colors: Vec<Rgb> = (0..1000)
+            .map(|k| [(k % 250) as u8, (k / 4) as u8, 128])
+            .collect();
         let palette = Palette::of(&[image(&colors)]);
         assert!(palette.colors().len() > 200 && palette.colors().len() <= 255);
         assert_eq!(palette.transparent(), Some(255));
         let worst = colors.iter().map(|&color| {
-            let errors = palette.colors().iter().map(|&entry| square(sub(point(color), point(entry))));
+            let errors = palette
+                .colors()
+                .iter()
+                .map(|&entry| square(sub(point(color), point(entry))));
             errors.fold(f32::INFINITY, f32::min).sqrt()
         });
         assert!(worst.fold(0.0, f32::max) < 16.0);

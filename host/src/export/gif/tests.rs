@@ -5,7 +5,9 @@ use crate::export::test_folder::TestFolder;
 fn play(path: &Path) -> Vec<(Vec<Rgb>, u16)> {
     let mut options = ::gif::DecodeOptions::new();
     options.set_color_output(::gif::ColorOutput::RGBA);
-    let mut decoder = options.read_info(std::fs::File::open(path).unwrap()).unwrap();
+    let mut decoder = options
+        .read_info(std::fs::File::open(path).unwrap())
+        .unwrap();
     let width = usize::from(decoder.width());
     let mut canvas = vec![[0; 3]; width * usize::from(decoder.height())];
     let mut frames = Vec::new();
@@ -97,7 +99,10 @@ fn delays_add_up_and_still_frames_merge() {
     let folder = TestFolder::new();
     let images = moving_square(20);
     write_gif(folder.path("a.gif"), &images, 1.0 / 30.0).unwrap();
-    let delays: Vec<u16> = play(&folder.path("a.gif")).iter().map(|frame| frame.1).collect();
+    let delays: Vec<u16> = play(&folder.path("a.gif"))
+        .iter()
+        .map(|frame| frame.1)
+        .collect();
     assert_eq!(delays, [3, 4, 3, 3, 4]);
 
     let still = vec![images[0].clone(); 4];
@@ -120,7 +125,10 @@ fn what_cannot_be_written_is_refused_and_leaves_nothing() {
     assert_eq!(error(&[], 0.1), ExportErrorKind::Empty { what: "frame" });
     for seconds in [0.0, 0.01, f64::NAN, 1e9] {
         let kind = error(std::slice::from_ref(&image), seconds);
-        assert!(matches!(kind, ExportErrorKind::OutOfRange { .. }), "{seconds}");
+        assert!(
+            matches!(kind, ExportErrorKind::OutOfRange { .. }),
+            "{seconds}"
+        );
     }
     let empty = error(&[Image::default()], 0.1);
     assert!(matches!(empty, ExportErrorKind::OutOfRange { .. }));

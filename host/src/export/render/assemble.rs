@@ -135,7 +135,9 @@ impl Assembly {
         self.vertices.reserve(mesh.positions.len());
         for (index, position) in mesh.positions.iter().enumerate() {
             let world = Vec3::from(*position);
-            let normal = normals.get(index).map_or(Vec3::ZERO, |&normal| Vec3::from(normal));
+            let normal = normals
+                .get(index)
+                .map_or(Vec3::ZERO, |&normal| Vec3::from(normal));
             let color = match mesh.colors {
                 Colors::PerVertex(_) => Vec3::from(gamma.linear(mesh.colors.of(index))),
                 _ => whole,
@@ -143,7 +145,11 @@ impl Assembly {
             let vertex = Clipped {
                 clip: view.clip(world),
                 world,
-                normal: if normal.is_finite() { normal } else { Vec3::ZERO },
+                normal: if normal.is_finite() {
+                    normal
+                } else {
+                    Vec3::ZERO
+                },
                 color,
             };
             // Outside the guard the projection means nothing; cutting replaces it.
@@ -173,7 +179,11 @@ impl Assembly {
             }
             let polygon = self.cut([a.0, b.0, c.0], view.near, &viewport);
             for corner in 2..polygon.len() {
-                self.push([polygon[0], polygon[corner - 1], polygon[corner]], flipped, paint);
+                self.push(
+                    [polygon[0], polygon[corner - 1], polygon[corner]],
+                    flipped,
+                    paint,
+                );
             }
         }
     }
@@ -208,7 +218,8 @@ impl Assembly {
             vertex.clip.z = vertex.clip.z.max(near);
         }
         let first = self.vertices.len() as u32;
-        self.vertices.extend(polygon.iter().map(|vertex| viewport.project(vertex)));
+        self.vertices
+            .extend(polygon.iter().map(|vertex| viewport.project(vertex)));
         (first..self.vertices.len() as u32).collect()
     }
 
@@ -229,7 +240,12 @@ impl Assembly {
 
 /// Twice the signed area in fixed-point units squared.
 pub(super) fn doubled_area([a, b, c]: [&Vertex; 3]) -> i64 {
-    let edge = |v: &Vertex| (i64::from(v.x) - i64::from(a.x), i64::from(v.y) - i64::from(a.y));
+    let edge = |v: &Vertex| {
+        (
+            i64::from(v.x) - i64::from(a.x),
+            i64::from(v.y) - i64::from(a.y),
+        )
+    };
     let ((bx, by), (cx, cy)) = (edge(b), edge(c));
     bx * cy - by * cx
 }
@@ -278,5 +294,8 @@ fn vertex_normals(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<[f32; 3
             }
         }
     }
-    normals.iter().map(|normal| normal.normalize_or_zero().to_array()).collect()
+    normals
+        .iter()
+        .map(|normal| normal.normalize_or_zero().to_array())
+        .collect()
 }

@@ -102,7 +102,11 @@ impl Camera {
         let mut minus = [f64::NEG_INFINITY; 2];
         for corner in 0..8 {
             let pick = |axis: usize| {
-                let side = if corner >> axis & 1 == 0 { bounds.min } else { bounds.max };
+                let side = if corner >> axis & 1 == 0 {
+                    bounds.min
+                } else {
+                    bounds.max
+                };
                 side[axis]
             };
             let corner = DVec3::new(pick(0), pick(1), pick(2));
@@ -120,7 +124,8 @@ impl Camera {
             .max(distance(1, tan_y))
             .max(centre.dot(back) + 1e-3);
         let z = if bounds.min == bounds.max { z + 1.0 } else { z };
-        let eye = right * ((plus[0] - minus[0]) / 2.0) + up * ((plus[1] - minus[1]) / 2.0) + back * z;
+        let eye =
+            right * ((plus[0] - minus[0]) / 2.0) + up * ((plus[1] - minus[1]) / 2.0) + back * z;
         Self {
             eye,
             target: eye - back * (z - centre.dot(back)),
@@ -140,8 +145,17 @@ impl Camera {
             .cross(back)
             .try_normalize()
             .filter(|right| right.is_finite())
-            .unwrap_or_else(|| DVec3::X.reject_from(back).try_normalize().unwrap_or(DVec3::Z));
-        let fov = if self.vertical_fov.is_finite() { self.vertical_fov } else { 0.5 };
+            .unwrap_or_else(|| {
+                DVec3::X
+                    .reject_from(back)
+                    .try_normalize()
+                    .unwrap_or(DVec3::Z)
+            });
+        let fov = if self.vertical_fov.is_finite() {
+            self.vertical_fov
+        } else {
+            0.5
+        };
         let tan_y = (fov.clamp(1e-3, 3.0) / 2.0).tan();
         let distance = (eye - target).length();
         View {
@@ -222,7 +236,9 @@ mod tests {
                     pick(2, -2.0, -1.5),
                 ));
                 assert!(clip.z > view.near);
-                widest = widest.max((clip.x / clip.z).abs()).max((clip.y / clip.z).abs());
+                widest = widest
+                    .max((clip.x / clip.z).abs())
+                    .max((clip.y / clip.z).abs());
             }
             assert!((widest - 0.93).abs() < 1e-3, "{widest}");
         }

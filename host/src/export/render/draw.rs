@@ -27,7 +27,13 @@ const BAND_ROWS: usize = 16;
 ///
 /// Sides are cut to 8192 pixels. Linear in triangles and in samples.
 #[must_use]
-pub fn render(scene: &Scene, camera: &Camera, width: usize, height: usize, quality: Quality) -> Image {
+pub fn render(
+    scene: &Scene,
+    camera: &Camera,
+    width: usize,
+    height: usize,
+    quality: Quality,
+) -> Image {
     let threads = std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
     render_on(threads, scene, camera, width, height, quality)
 }
@@ -52,7 +58,10 @@ pub fn render_on(
     let (columns, rows) = (width * side, height * side);
     let view = camera.view(width, height);
     let lights = Lights::new(&view, scene.key_light);
-    let floor = scene.floor.map(|floor| floor.height).filter(|height| height.is_finite());
+    let floor = scene
+        .floor
+        .map(|floor| floor.height)
+        .filter(|height| height.is_finite());
 
     let mut assembly = Assembly::default();
     let mut overlay = Vec::new();
@@ -94,9 +103,13 @@ pub fn render_on(
     let (triangles, strokes) = frame.bins();
     let bands = image.rgb.chunks_mut(width * 3 * BAND_ROWS);
     let bands = bands.zip(triangles).zip(strokes).enumerate();
-    for_each(threads, bands.collect(), |(index, ((pixels, triangles), strokes))| {
-        frame.draw_band(index * BAND_ROWS, pixels, &triangles, &strokes);
-    });
+    for_each(
+        threads,
+        bands.collect(),
+        |(index, ((pixels, triangles), strokes))| {
+            frame.draw_band(index * BAND_ROWS, pixels, &triangles, &strokes);
+        },
+    );
     image
 }
 
@@ -104,7 +117,10 @@ pub fn render_on(
 /// sees of it.
 fn stage(view: &View) -> (Vec2, f32) {
     let seen = view.eye.distance(view.target) * view.tan_x.max(view.tan_y);
-    (Vec2::new(view.target.x, view.target.z), (seen * 1.2).max(1e-3))
+    (
+        Vec2::new(view.target.x, view.target.z),
+        (seen * 1.2).max(1e-3),
+    )
 }
 
 /// Hands the items to the threads one by one.
@@ -204,7 +220,13 @@ impl Frame<'_> {
     }
 
     /// Linear light at one sample.
-    fn sample(&self, [column, row]: [usize; 2], behind: Vec3, surface: &Band, overlay: &Band) -> Vec3 {
+    fn sample(
+        &self,
+        [column, row]: [usize; 2],
+        behind: Vec3,
+        surface: &Band,
+        overlay: &Band,
+    ) -> Vec3 {
         let cell = (row - surface.first_row) * self.columns + column;
         let mut color = behind;
         let mut nearness = 0.0;
@@ -218,7 +240,10 @@ impl Frame<'_> {
                 nearness = surface.nearness[cell];
             }
         }
-        let Some(capsule) = overlay.nearest.get(cell).and_then(|&id| self.overlay.get(id as usize))
+        let Some(capsule) = overlay
+            .nearest
+            .get(cell)
+            .and_then(|&id| self.overlay.get(id as usize))
         else {
             return color;
         };
@@ -227,12 +252,18 @@ impl Frame<'_> {
             return color;
         };
         let half = Vec2::new(self.columns as f32, self.rows as f32) / 2.0;
-        let ray = self.view.ray(position.x / half.x - 1.0, 1.0 - position.y / half.y);
+        let ray = self
+            .view
+            .ray(position.x / half.x - 1.0, 1.0 - position.y / half.y);
         let world = self.view.eye + ray / entry.inverse_w;
         if self.backdrop.hides(world) {
             return color;
         }
-        let alpha = if entry.inverse_w >= nearness { 1.0 } else { capsule.occluded_opacity };
+        let alpha = if entry.inverse_w >= nearness {
+            1.0
+        } else {
+            capsule.occluded_opacity
+        };
         let normal = self.view.right * entry.normal.x
             + self.view.up * entry.normal.y
             + self.view.back * entry.normal.z;

@@ -26,17 +26,45 @@ struct Layer {
 
 /// Along the main light. The blur is about a sixth of the height.
 const CAST: [Layer; 5] = [
-    Layer { top: 0.06, blur: 0.012, strength: 0.50 },
-    Layer { top: 0.18, blur: 0.025, strength: 0.46 },
-    Layer { top: 0.45, blur: 0.055, strength: 0.40 },
-    Layer { top: 1.0, blur: 0.12, strength: 0.34 },
-    Layer { top: f32::INFINITY, blur: 0.24, strength: 0.28 },
+    Layer {
+        top: 0.06,
+        blur: 0.012,
+        strength: 0.50,
+    },
+    Layer {
+        top: 0.18,
+        blur: 0.025,
+        strength: 0.46,
+    },
+    Layer {
+        top: 0.45,
+        blur: 0.055,
+        strength: 0.40,
+    },
+    Layer {
+        top: 1.0,
+        blur: 0.12,
+        strength: 0.34,
+    },
+    Layer {
+        top: f32::INFINITY,
+        blur: 0.24,
+        strength: 0.28,
+    },
 ];
 
 /// Straight down.
 const CONTACT: [Layer; 2] = [
-    Layer { top: 0.05, blur: 0.02, strength: 0.50 },
-    Layer { top: 0.25, blur: 0.07, strength: 0.25 },
+    Layer {
+        top: 0.05,
+        blur: 0.02,
+        strength: 0.50,
+    },
+    Layer {
+        top: 0.25,
+        blur: 0.07,
+        strength: 0.25,
+    },
 ];
 
 /// How much light reaches each place of the floor.
@@ -130,8 +158,9 @@ impl FloorShadow {
             bottom = layer.top;
             if any {
                 let covered = band.nearest.iter();
-                let mut cover: Vec<f32> =
-                    covered.map(|&id| if id == NONE { 0.0 } else { 1.0 }).collect();
+                let mut cover: Vec<f32> = covered
+                    .map(|&id| if id == NONE { 0.0 } else { 1.0 })
+                    .collect();
                 blur(&mut cover, self.columns, layer.blur / self.texel);
                 for (sum, cover) in blocked.iter_mut().zip(&cover) {
                     *sum += cover * layer.strength;
@@ -139,7 +168,9 @@ impl FloorShadow {
             }
         }
         // Layers add up where they meet, and must not darken twice where they overlap.
-        let most = layers.iter().fold(0.0, |most: f32, layer| most.max(layer.strength));
+        let most = layers
+            .iter()
+            .fold(0.0, |most: f32, layer| most.max(layer.strength));
         for (light, blocked) in self.light.iter_mut().zip(&blocked) {
             *light *= 1.0 - blocked.clamp(0.0, most);
         }
@@ -181,9 +212,13 @@ impl Soup {
             self.vertices.extend(mesh.positions.iter().map(raised));
             let new = &self.vertices[base..];
             let finite = |&index: &u32| new.get(index as usize).is_some_and(|v| v.is_finite());
-            let proper = mesh.triangles.iter().filter(|corners| corners.iter().all(finite));
+            let proper = mesh
+                .triangles
+                .iter()
+                .filter(|corners| corners.iter().all(finite));
             let base = base as u32;
-            self.triangles.extend(proper.map(|corners| corners.map(|vertex| base + vertex)));
+            self.triangles
+                .extend(proper.map(|corners| corners.map(|vertex| base + vertex)));
         }
         for points in &scene.points {
             for &position in points.positions {
@@ -222,7 +257,9 @@ impl Soup {
 /// filters along each axis. Outside is zero. Linear in the number of texels.
 fn blur(values: &mut [f32], columns: usize, deviation: f32) {
     // A box of radius r has variance r (r + 1) / 3.
-    let radius = ((deviation * deviation + 0.25).sqrt() - 0.5).round().max(1.0) as usize;
+    let radius = ((deviation * deviation + 0.25).sqrt() - 0.5)
+        .round()
+        .max(1.0) as usize;
     let rows = values.len() / columns;
     let mut line = Vec::new();
     let mut out = Vec::new();
@@ -254,7 +291,11 @@ fn box_thrice(line: &mut Vec<f32>, out: &mut Vec<f32>, radius: usize) {
         for index in 0..line.len() {
             sum += line.get(index + radius).copied().unwrap_or(0.0);
             out.push((sum * scale).max(0.0));
-            sum -= if index >= radius { line[index - radius] } else { 0.0 };
+            sum -= if index >= radius {
+                line[index - radius]
+            } else {
+                0.0
+            };
         }
         std::mem::swap(line, out);
     }
@@ -279,7 +320,12 @@ mod tests {
 
     #[test]
     fn a_low_board_shades_the_floor_beside_it_along_the_light() {
-        let positions = [[-0.2, 0.5, -0.2], [0.2, 0.5, -0.2], [0.2, 0.5, 0.2], [-0.2, 0.5, 0.2]];
+        let positions = [
+            [-0.2, 0.5, -0.2],
+            [0.2, 0.5, -0.2],
+            [0.2, 0.5, 0.2],
+            [-0.2, 0.5, 0.2],
+        ];
         let scene = Scene {
             meshes: vec![Mesh {
                 positions: &positions,

@@ -62,8 +62,8 @@ impl Image {
         let columns = clamp(x, self.width)..clamp(x + width, self.width);
         for row in clamp(y, self.height)..clamp(y + height, self.height) {
             let row = row * self.width;
-            for pixel in self.rgb[(row + columns.start) * 3..(row + columns.end) * 3]
-                .chunks_exact_mut(3)
+            for pixel in
+                self.rgb[(row + columns.start) * 3..(row + columns.end) * 3].chunks_exact_mut(3)
             {
                 pixel.copy_from_slice(&color);
             }

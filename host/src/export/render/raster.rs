@@ -196,8 +196,7 @@ impl Depth {
     /// Always the same at the same sample, whichever band it is drawn in; never outside the range
     /// of the corners, however thin the triangle.
     fn at(&self, x: i64, y: i64) -> f32 {
-        let value =
-            self.value + (x - self.x) as f32 * self.right + (y - self.y) as f32 * self.down;
+        let value = self.value + (x - self.x) as f32 * self.right + (y - self.y) as f32 * self.down;
         value.max(self.least).min(self.most)
     }
 }
@@ -273,7 +272,10 @@ mod tests {
         assert_eq!(near_first, "0000/0000/0000/0000");
         assert_eq!(far_first, "1111/1111/1111/1111");
         let wide = picture(1, 8, &vertices, &[[0, 1, 2], [3, 4, 5]]);
-        assert!(wide.starts_with("1111100./111110../11111.../1111...."), "{wide}");
+        assert!(
+            wide.starts_with("1111100./111110../11111.../1111...."),
+            "{wide}"
+        );
         let tie = picture(1, 4, &vertices[..3], &[[0, 1, 2], [0, 1, 2]]);
         assert!(!tie.contains('1'), "of two equal ones the first stays");
     }
@@ -299,7 +301,10 @@ mod tests {
                 assert_eq!(list.len(), side * side);
             }
         }
-        assert_eq!(Pattern::new(1).position(3, 2), [3 * 256 + 128, 2 * 256 + 128]);
+        assert_eq!(
+            Pattern::new(1).position(3, 2),
+            [3 * 256 + 128, 2 * 256 + 128]
+        );
     }
 
     #[test]
@@ -318,7 +323,9 @@ mod tests {
                 _ => vertex(0.0, 16.0 - along - jitter, 1.0),
             });
         }
-        corners.extend([(0.0, 0.0), (16.0, 0.0), (16.0, 16.0), (0.0, 16.0)].map(|(x, y)| vertex(x, y, 1.0)));
+        corners.extend(
+            [(0.0, 0.0), (16.0, 0.0), (16.0, 16.0), (0.0, 16.0)].map(|(x, y)| vertex(x, y, 1.0)),
+        );
         let mut ring: Vec<u32> = Vec::new();
         for side in 0..4u32 {
             ring.push(65 + side);

@@ -111,10 +111,16 @@ impl Scene<'_> {
     #[must_use]
     pub fn bounds(&self) -> Bounds {
         let meshes = self.meshes.iter().map(|mesh| Bounds::of(mesh.positions));
-        let points = self.points.iter().map(|points| Bounds::of(points.positions));
+        let points = self
+            .points
+            .iter()
+            .map(|points| Bounds::of(points.positions));
         let lines = self.lines.iter();
         let lines = lines.map(|lines| Bounds::of(lines.segments.as_flattened()));
-        meshes.chain(points).chain(lines).fold(Bounds::EMPTY, Bounds::union)
+        meshes
+            .chain(points)
+            .chain(lines)
+            .fold(Bounds::EMPTY, Bounds::union)
     }
 }
 

@@ -32,7 +32,8 @@ impl Lights {
         let level = |v: Vec3| Vec3::new(v.x, 0.0, v.z).normalize_or_zero();
         let right = level(view.right);
         let toward = right.cross(Vec3::Y);
-        let place = |r: f32, u: f32, t: f32| (right * r + Vec3::Y * u + toward * t).normalize_or(Vec3::Y);
+        let place =
+            |r: f32, u: f32, t: f32| (right * r + Vec3::Y * u + toward * t).normalize_or(Vec3::Y);
         let own = key.map(Vec3::from).and_then(Vec3::try_normalize);
         Self {
             key: own.unwrap_or_else(|| place(-0.62, 1.0, 0.75)),
@@ -70,7 +71,9 @@ pub(super) struct Fragment {
 impl Fragment {
     /// At a sample position in fixed point inside the triangle.
     pub fn new(assembly: &Assembly, triangle: &Triangle, [x, y]: [i64; 2], eye: Vec3) -> Self {
-        let [a, b, c] = triangle.vertices.map(|vertex| &assembly.vertices[vertex as usize]);
+        let [a, b, c] = triangle
+            .vertices
+            .map(|vertex| &assembly.vertices[vertex as usize]);
         let edge = |x: i64, y: i64| ((x - i64::from(a.x)) as f32, (y - i64::from(a.y)) as f32);
         let (bx, by) = edge(i64::from(b.x), i64::from(b.y));
         let (cx, cy) = edge(i64::from(c.x), i64::from(c.y));
@@ -94,8 +97,14 @@ impl Fragment {
             Some(normal) => normal,
             // Without vertex normals, or where opposite ones cancel: the triangle's own.
             None => {
-                let face = (b.world - a.world).cross(c.world - a.world).normalize_or(Vec3::Y);
-                if face.dot(eye - world) < 0.0 { -face } else { face }
+                let face = (b.world - a.world)
+                    .cross(c.world - a.world)
+                    .normalize_or(Vec3::Y);
+                if face.dot(eye - world) < 0.0 {
+                    -face
+                } else {
+                    face
+                }
             }
         };
         Self {

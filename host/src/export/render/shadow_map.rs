@@ -99,7 +99,11 @@ impl ShadowMap {
         }
         map.toward_light = band.nearness;
         for depth in &mut map.toward_light {
-            *depth = if *depth > 0.0 { *depth - lift } else { f32::NEG_INFINITY };
+            *depth = if *depth > 0.0 {
+                *depth - lift
+            } else {
+                f32::NEG_INFINITY
+            };
         }
         Some(map)
     }
@@ -152,10 +156,8 @@ impl ShadowMap {
         let point = self.axes.coordinates(lifted);
         let x = (point.x - self.left) / self.texel - 0.5;
         let y = (point.y - self.top) / self.texel - 0.5;
-        let inside = x >= 1.0
-            && y >= 1.0
-            && x < self.columns as f32 - 2.0
-            && y < self.rows as f32 - 2.0;
+        let inside =
+            x >= 1.0 && y >= 1.0 && x < self.columns as f32 - 2.0 && y < self.rows as f32 - 2.0;
         if !inside {
             return 1.0;
         }
@@ -183,7 +185,12 @@ mod tests {
 
     #[test]
     fn a_square_shades_what_lies_below_it() {
-        let positions = [[-1.0, 1.0, -1.0], [1.0, 1.0, -1.0], [1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]];
+        let positions = [
+            [-1.0, 1.0, -1.0],
+            [1.0, 1.0, -1.0],
+            [1.0, 1.0, 1.0],
+            [-1.0, 1.0, 1.0],
+        ];
         let mesh = Mesh {
             positions: &positions,
             normals: None,
@@ -192,7 +199,11 @@ mod tests {
         };
         let map = ShadowMap::new(&[mesh], Vec3::Y).unwrap();
         assert_eq!(map.light(Vec3::new(0.3, 0.0, -0.2), Vec3::Y), 0.0);
-        assert_eq!(map.light(Vec3::new(0.3, 1.0, -0.2), Vec3::Y), 1.0, "not on itself");
+        assert_eq!(
+            map.light(Vec3::new(0.3, 1.0, -0.2), Vec3::Y),
+            1.0,
+            "not on itself"
+        );
         assert_eq!(map.light(Vec3::new(0.3, 2.0, -0.2), Vec3::Y), 1.0);
         assert_eq!(map.light(Vec3::new(1.3, 0.0, -0.2), Vec3::Y), 1.0);
         assert!(ShadowMap::new(&[], Vec3::Y).is_none());

@@ -35,7 +35,8 @@ fn glyphs() -> &'static Vec<Glyph> {
         let strips = lines.chunks_exact(ROWS);
         strips
             .flat_map(|strip| {
-                let rows: Vec<Vec<&str>> = strip.iter().map(|row| row.split(' ').collect()).collect();
+                let rows: Vec<Vec<&str>> =
+                    strip.iter().map(|row| row.split(' ').collect()).collect();
                 (0..rows[0].len()).map(move |glyph| {
                     let dot = |x: usize, y: usize| {
                         let row = rows.get(y).and_then(|row| row.get(glyph));
@@ -52,7 +53,8 @@ impl Glyph {
     /// Cuts off the empty columns on both sides; a blank glyph keeps some width.
     fn new(dot: impl Fn(usize, usize) -> bool) -> Self {
         let inked = |&x: &usize| (0..ROWS).any(|y| dot(x, y));
-        let (Some(first), Some(last)) = ((0..COLUMNS).find(inked), (0..COLUMNS).rfind(inked)) else {
+        let (Some(first), Some(last)) = ((0..COLUMNS).find(inked), (0..COLUMNS).rfind(inked))
+        else {
             return Self {
                 strokes: Vec::new(),
                 width: 2.5,
@@ -114,7 +116,11 @@ fn layout(text: &str) -> impl Iterator<Item = (&'static Glyph, f32)> {
     let mut pen = 0.0;
     text.chars().map(move |character| {
         let glyph = glyph(character);
-        let width = if character.is_ascii_digit() { COLUMNS as f32 } else { glyph.width };
+        let width = if character.is_ascii_digit() {
+            COLUMNS as f32
+        } else {
+            glyph.width
+        };
         let left = pen + (width - glyph.width) / 2.0;
         pen += width + GAP;
         (glyph, left)
@@ -124,7 +130,9 @@ fn layout(text: &str) -> impl Iterator<Item = (&'static Glyph, f32)> {
 /// Pixels from the first to the last inked column of a line.
 #[must_use]
 pub fn width(text: &str, scale: f32) -> i64 {
-    let right = layout(text).last().map_or(0.0, |(glyph, left)| left + glyph.width);
+    let right = layout(text)
+        .last()
+        .map_or(0.0, |(glyph, left)| left + glyph.width);
     (right * scale).ceil() as i64
 }
 
@@ -204,7 +212,14 @@ pub fn caption(image: &mut Image, text: &str) {
             image.blend(x, y, GROUND, 0.7);
         }
     }
-    draw(image, margin + margin / 2, top + margin / 2, scale, INK, &text);
+    draw(
+        image,
+        margin + margin / 2,
+        top + margin / 2,
+        scale,
+        INK,
+        &text,
+    );
 }
 
 /// The text, or as much of it as fits into some pixels, with an ellipsis.
@@ -265,7 +280,11 @@ mod tests {
         // Three letters of 5 and two gaps of 1.25 are 17.5 wide.
         assert_eq!(width("abc", 1.0), 18);
         assert_eq!(width("il", 1.0), 8);
-        assert_eq!(width("11", 1.0), width("88", 1.0) - 1, "centred in equal cells");
+        assert_eq!(
+            width("11", 1.0),
+            width("88", 1.0) - 1,
+            "centred in equal cells"
+        );
         assert_eq!(width("", 1.0), 0);
         assert_eq!(shorten("abc", 1.0, 18), "abc");
         assert_eq!(shorten("abc", 1.0, 17), "a…");
