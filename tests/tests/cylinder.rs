@@ -97,7 +97,7 @@ fn the_plain_path_reproduces_every_pose() {
     }
 }
 
-/// The same through an asset, whose weights have 15 bits: the error stays where the bake says.
+/// The same through an asset, whose weights have 16 bits: the error stays where the bake says.
 #[test]
 fn an_asset_reproduces_every_pose_within_its_stated_weight_error() {
     let Some(folder) = shared(FOLDER) else { return };

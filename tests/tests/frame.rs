@@ -84,7 +84,7 @@ fn a_frame_agrees_with_the_oracle() {
             }
         }
     }
-    // The weights of the arm are rounded to 1/32768 over a reach of half a metre.
+    // The weights of the arm are rounded to 1/65535 over a reach of half a metre.
     assert!(worst < 1e-5, "{worst} m");
     assert!(worst_normal < 1e-4, "{worst_normal}");
 }

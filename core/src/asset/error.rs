@@ -190,7 +190,7 @@ impl fmt::Display for AssetError {
             Self::Weights { block, lane, sum } => {
                 write!(
                     f,
-                    "weights of block {block}, vertex {lane} sum to {sum}, not 32768"
+                    "weights of block {block}, vertex {lane} sum to {sum}, not 65535"
                 )
             }
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),

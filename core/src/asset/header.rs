@@ -19,7 +19,7 @@ pub const SECTION_ROW_BYTES: usize = 16;
 pub const LANES: usize = 8;
 
 /// Skin weights are integers; those of a vertex sum to this.
-pub const WEIGHT_ONE: u16 = 1 << 15;
+pub const WEIGHT_ONE: u16 = u16::MAX;
 
 /// "No parent" in the parents' section.
 pub const NO_PARENT: u16 = 0xFFFF;
@@ -168,10 +168,13 @@ impl Dims {
 
 /// A little-endian 32-bit word, or 0 beyond the end.
 pub(crate) const fn word(bytes: &[u8], at: usize) -> usize {
-    if at + 4 > bytes.len() {
-        return 0;
+    if let Some((_, from)) = bytes.split_at_checked(at)
+        && let Some(word) = from.first_chunk()
+    {
+        u32::from_le_bytes(*word) as usize
+    } else {
+        0
     }
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize
 }
 
 /// What a section holds.

@@ -1,17 +1,19 @@
-//! One, four or eight vertices at a time, behind one set of operations.
+//! One, two, four or eight vertices at a time, behind one set of operations.
 //!
 //! Kernels are written once against [`Lanes`]. Multiply and add stay separate everywhere.
 
 use crate::asset::{LANES, WEIGHT_ONE};
 use crate::math::{ROUGH_FACTORS, ROUGH_GUESS};
 
-/// A weight's unit, a power of two: products with it round nothing.
+/// A weight of one in the asset, so that weights become parts of one.
 const WEIGHT_UNIT: f32 = 1.0 / WEIGHT_ONE as f32;
 
 /// The lanes of a block that one register holds.
 pub(super) trait Lanes: Copy {
     /// Proof that the instructions exist.
     type Token: Copy;
+    /// What a register holds once sums are complete: fewer lanes where registers are scarce.
+    type Part: Lanes<Token = Self::Token>;
     /// x, y, z of each lane.
     type Rows: AsRef<[[f32; 3]]>;
     /// Lanes in a register; divides [`LANES`].
@@ -20,8 +22,10 @@ pub(super) trait Lanes: Copy {
     fn splat(token: Self::Token, value: f32) -> Self;
     /// Lanes `first..first + WIDTH`; zero where `first` is out of range.
     fn load(token: Self::Token, from: &[f32; LANES], first: usize) -> Self;
-    /// As parts of one.
+    /// Parts of one, each rounded once.
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
+    /// Some of the lanes, from lane `first` of this register on.
+    fn part(self, first: usize) -> Self::Part;
     /// Vertices instead of axes.
     fn rows(xyz: [Self; 3]) -> Self::Rows;
     /// Writes vertices `first..first + WIDTH` of a block, nothing between them.
@@ -48,6 +52,7 @@ pub(super) trait Lanes: Copy {
 
 impl Lanes for f32 {
     type Token = ();
+    type Part = Self;
     type Rows = [[f32; 3]; 1];
     const WIDTH: usize = 1;
 
@@ -63,6 +68,10 @@ impl Lanes for f32 {
     fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
         from.get(first)
             .map_or(0.0, |&weight| f32::from(weight) * WEIGHT_UNIT)
+    }
+    #[inline(always)]
+    fn part(self, _: usize) -> Self {
+        self
     }
     #[inline(always)]
     fn rows(xyz: [Self; 3]) -> Self::Rows {
@@ -93,11 +102,73 @@ impl Lanes for f32 {
     }
 }
 
+/// Two vertices without vector instructions: a matrix is fetched once for both, and their sums
+/// just fit the 32 registers of a Cortex-M. What follows the sums would not, so it is done singly.
+impl Lanes for [f32; 2] {
+    type Token = ();
+    type Part = f32;
+    type Rows = [[f32; 3]; 2];
+    const WIDTH: usize = 2;
+
+    #[inline(always)]
+    fn splat((): (), value: f32) -> Self {
+        [value; 2]
+    }
+    #[inline(always)]
+    fn load((): (), from: &[f32; LANES], first: usize) -> Self {
+        let pairs = from.as_chunks().0;
+        pairs.get(first / 2).copied().unwrap_or_default()
+    }
+    #[inline(always)]
+    fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
+        let pairs = from.as_chunks().0;
+        let [a, b]: [u16; 2] = pairs.get(first / 2).copied().unwrap_or_default();
+        [f32::from(a) * WEIGHT_UNIT, f32::from(b) * WEIGHT_UNIT]
+    }
+    #[inline(always)]
+    fn part(self, first: usize) -> f32 {
+        let [a, b] = self;
+        if first == 0 { a } else { b }
+    }
+    #[inline(always)]
+    fn rows([[ax, bx], [ay, by], [az, bz]]: [Self; 3]) -> Self::Rows {
+        [[ax, ay, az], [bx, by, bz]]
+    }
+    #[cfg(feature = "simd")]
+    #[inline(always)]
+    fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
+        if let Some(to) = to.as_chunks_mut::<6>().0.get_mut(first / 2) {
+            to.copy_from_slice(Self::rows(xyz).as_flattened());
+        }
+    }
+    #[inline(always)]
+    fn add(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a + c, b + d]
+    }
+    #[inline(always)]
+    fn sub(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a - c, b - d]
+    }
+    #[inline(always)]
+    fn mul(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a * c, b * d]
+    }
+    #[inline(always)]
+    fn inverse_sqrt_guess(self) -> Self {
+        let [a, b] = self;
+        [a.inverse_sqrt_guess(), b.inverse_sqrt_guess()]
+    }
+}
+
 #[cfg(feature = "simd")]
 macro_rules! simd_lanes {
     ($vector:ident, $bits:ident, $width:literal, $transpose:path, $($lane:literal)*) => {
         impl<S: fearless_simd::Simd> Lanes for fearless_simd::$vector<S> {
             type Token = S;
+            type Part = Self;
             type Rows = [[f32; 3]; $width];
             const WIDTH: usize = $width;
 
@@ -118,6 +189,10 @@ macro_rules! simd_lanes {
                 let part: fearless_simd::$bits<S> = fearless_simd::SimdFrom::simd_from(token, part);
                 let part: Self = fearless_simd::SimdInt::to_float(part);
                 part * <Self as Lanes>::splat(token, WEIGHT_UNIT)
+            }
+            #[inline(always)]
+            fn part(self, _: usize) -> Self {
+                self
             }
             #[inline(always)]
             fn rows([x, y, z]: [Self; 3]) -> Self::Rows {

@@ -80,7 +80,7 @@ pub(super) struct Slots<'a> {
 }
 
 fn scalar<B: Blend>(job: &Job<'_, '_, B>, output: &mut Output<'_>) {
-    blocks_by::<f32, _, _>((), job, &mut Strided::new(job.asset, output));
+    blocks_by::<[f32; 2], _, _>((), job, &mut Strided::new(job.asset, output));
 }
 
 #[cfg(feature = "simd")]
@@ -126,7 +126,7 @@ fn blocks_by<L: Lanes, B: Blend, S: Store>(token: L::Token, job: &Job<'_, '_, B>
             normals: job.asset.normals.get(first..end).unwrap_or_default(),
         };
         if run.slots == 1 {
-            rigid_blocks::<L, B, S>(token, &job.blend, &part, store);
+            rigid_blocks::<L::Part, B, S>(token, &job.blend, &part, store);
         } else {
             blended_blocks::<L, B, S>(token, &job.blend, &part, store);
         }
@@ -157,17 +157,27 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
         .chunks_exact(slots)
         .zip(part.weights.chunks_exact(slots));
     let rest = part.positions.iter().zip(part.normals);
-    // The square root of a block waits for long chains of operations. It comes after the sums of
-    // the next block, by which time its input is ready and it delays nothing.
+    // The square root of a block waits for long chains of operations. Among vectors it comes
+    // after the sums of the next block, by which time its input is ready and it delays nothing.
     let mut waiting = None;
     for (block, ((positions, normals), (binds, weights))) in (part.first..).zip(rest.zip(slots)) {
         for first in (0..LANES).step_by(L::WIDTH) {
-            let matrix = blend.matrix::<L>(token, Slots { binds, weights }, first);
-            let position = load::<L>(token, positions, first);
-            store.positions(block, first, move_point(&matrix, position));
-            if wants_normals {
-                let normal = turn(&matrix, load::<L>(token, normals, first));
-                if let Some((block, first, normal)) = waiting.replace((block, first, normal)) {
+            let sums = blend.matrix::<L>(token, Slots { binds, weights }, first);
+            for part in (0..L::WIDTH).step_by(L::Part::WIDTH) {
+                let matrix = some_lanes(token, &sums, part);
+                let first = first + part;
+                let position = load(token, positions, first);
+                store.positions(block, first, move_point(&matrix, position));
+                if !wants_normals {
+                    continue;
+                }
+                let normal = (block, first, turn(&matrix, load(token, normals, first)));
+                let normal = if L::Part::WIDTH > 1 {
+                    waiting.replace(normal)
+                } else {
+                    Some(normal)
+                };
+                if let Some((block, first, normal)) = normal {
                     store.normals(block, first, to_unit_length(token, normal));
                 }
             }
@@ -176,6 +186,15 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
     if let Some((block, first, normal)) = waiting {
         store.normals(block, first, to_unit_length(token, normal));
     }
+}
+
+#[inline(always)]
+fn some_lanes<L: Lanes>(token: L::Token, sums: &[L; 12], first: usize) -> [L::Part; 12] {
+    let mut lanes = [L::Part::splat(token, 0.0); 12];
+    for (lanes, sum) in lanes.iter_mut().zip(sums) {
+        *lanes = sum.part(first);
+    }
+    lanes
 }
 
 /// Blocks that hang on one bind, whose weight is one: the same in every mode.

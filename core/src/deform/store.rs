@@ -1,7 +1,7 @@
 //! Ways to write the lanes of a block to their vertices.
 
 use super::lanes::Lanes;
-use super::output::{Attribute, Output, VertexOrder};
+use super::output::{Output, VertexOrder, Writer};
 use crate::asset::{Asset, LANES};
 
 /// Takes `L::WIDTH` vertices of a block, from lane `first` on.
@@ -13,59 +13,53 @@ pub(super) trait Store {
 }
 
 /// Any layout and order.
-pub(super) struct Strided<'s, 'o> {
-    output: &'s mut Output<'o>,
+pub(super) struct Strided<'s> {
+    to: Writer<'s>,
     /// Empty for block order.
     order: &'s [u32],
     vertex_count: usize,
 }
 
-impl<'s, 'o> Strided<'s, 'o> {
-    pub fn new(asset: &Asset<'s>, output: &'s mut Output<'o>) -> Self {
+impl<'s> Strided<'s> {
+    pub fn new(asset: &Asset<'s>, output: &'s mut Output<'_>) -> Self {
         Self {
             order: order(asset, output),
             vertex_count: asset.dims().vertex_count,
-            output,
+            to: output.writer(),
         }
     }
 
+    /// Where a vertex goes; `None` for lanes that only fill the last block.
     #[inline(always)]
-    fn put<L: Lanes>(
-        &mut self,
-        (attribute, buffer): (Attribute, usize),
-        first_vertex: usize,
-        xyz: [L; 3],
-    ) {
-        let Some(buffer) = self.output.buffers.get_mut(buffer) else {
-            return;
-        };
-        let rows = L::rows(xyz);
-        for (vertex, row) in (first_vertex..self.vertex_count).zip(rows.as_ref()) {
-            let vertex = match self.order.get(vertex) {
-                Some(&source) => source as usize,
-                None => vertex,
-            };
-            let at = vertex * attribute.stride + attribute.offset;
-            if let Some(to) = buffer.get_mut(at..).and_then(<[f32]>::first_chunk_mut) {
-                *to = *row;
-            }
+    fn place(&self, vertex: usize) -> Option<usize> {
+        match self.order.get(vertex) {
+            Some(&source) => Some(source as usize),
+            None => (vertex < self.vertex_count).then_some(vertex),
         }
     }
 }
 
-impl Store for Strided<'_, '_> {
+impl Store for Strided<'_> {
     #[inline(always)]
     fn wants_normals(&self) -> bool {
-        self.output.normals.is_some()
+        self.to.wants_normals()
     }
     #[inline(always)]
     fn positions<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]) {
-        self.put(self.output.positions, block * LANES + first, xyz);
+        let first = block * LANES + first;
+        for (vertex, &row) in (first..).zip(L::rows(xyz).as_ref()) {
+            if let Some(vertex) = self.place(vertex) {
+                self.to.put_position(vertex, row);
+            }
+        }
     }
     #[inline(always)]
     fn normals<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]) {
-        if let Some(normals) = self.output.normals {
-            self.put(normals, block * LANES + first, xyz);
+        let first = block * LANES + first;
+        for (vertex, &row) in (first..).zip(L::rows(xyz).as_ref()) {
+            if let Some(vertex) = self.place(vertex) {
+                self.to.put_normal(vertex, row);
+            }
         }
     }
 }
@@ -85,7 +79,7 @@ impl<'s> Packed<'s> {
         if output.order == VertexOrder::Source {
             return None;
         }
-        let (positions, normals) = separate(output)?;
+        let (positions, normals) = output.separated()?;
         Some(Self {
             positions: positions.as_chunks_mut().0,
             normals: normals.map(|normals| normals.as_chunks_mut().0),
@@ -129,7 +123,7 @@ impl<'s> Scattered<'s> {
         if output.order == VertexOrder::Block {
             return None;
         }
-        let (positions, normals) = separate(output)?;
+        let (positions, normals) = output.separated()?;
         Some(Self {
             positions: positions.as_chunks_mut().0,
             normals: normals.map(|normals| normals.as_chunks_mut().0),
@@ -178,16 +172,5 @@ fn order<'a>(asset: &Asset<'a>, output: &Output<'_>) -> &'a [u32] {
     match output.order {
         VertexOrder::Source => asset.source_order(),
         VertexOrder::Block => &[],
-    }
-}
-
-/// Positions and normals, where each has a buffer without gaps.
-#[cfg(feature = "simd")]
-fn separate<'s>(output: &'s mut Output<'_>) -> Option<(&'s mut [f32], Option<&'s mut [f32]>)> {
-    let [first, second] = &mut output.buffers;
-    match (output.positions, output.normals) {
-        ((Attribute::PACKED, 0), None) => Some((first, None)),
-        ((Attribute::PACKED, 0), Some((Attribute::PACKED, 1))) => Some((first, Some(second))),
-        _ => None,
     }
 }

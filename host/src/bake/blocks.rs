@@ -196,9 +196,12 @@ mod tests {
         let mut worst = 0.0;
         let third = 1.0 / 3.0;
         let rows = round(&[(4, third), (1, third), (9, third)], &mut worst);
-        assert_eq!(rows, [(1, 10923), (4, 10923), (9, 10922)]);
-        assert!(worst < 1.0 / 32768.0);
-        assert_eq!(round(&[(0, 1.0), (1, 1e-9)], &mut worst), [(0, 32768)]);
+        assert_eq!(rows, [(1, 21845), (4, 21845), (9, 21845)]);
+        assert!(worst < 1e-9);
+        let rows = round(&[(4, 0.3), (1, 0.3), (9, 0.4)], &mut worst);
+        assert_eq!(rows, [(1, 19661), (4, 19660), (9, 26214)]);
+        assert!(worst < 1.0 / 65535.0);
+        assert_eq!(round(&[(0, 1.0), (1, 1e-9)], &mut worst), [(0, 65535)]);
     }
 
     #[test]

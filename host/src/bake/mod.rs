@@ -1,7 +1,7 @@
 //! A validated body in, an asset out.
 //!
 //! [`bake`] orders vertices into blocks of eight that share binds ([`blocks`]), turns clips into
-//! sparse keys ([`clips`]) and lays everything out as `core/SPEC.md` says ([`write`]). The same
+//! sparse keys ([`clips`]) and lays everything out as `core/SPEC.md` says ([`mod@write`]). The same
 //! input gives the same bytes.
 
 pub mod blocks;
@@ -36,7 +36,7 @@ pub struct BakeReport {
     pub dims: Dims,
     /// Length of each section.
     pub section_bytes: Vec<(SectionKind, usize)>,
-    /// Largest change of a weight by rounding to 15 bits.
+    /// Largest change of a weight by rounding to 16 bits.
     pub weight_error: f64,
     /// Keys in the source and keys kept.
     pub keys: (usize, usize),

@@ -43,7 +43,7 @@ pub struct RawMesh {
     pub normals: Option<Vec<DVec3>>,
     /// `[vertices]`, direction and handedness (+1 or -1).
     pub tangents: Option<Vec<[f64; 4]>>,
-    /// `[vertices]`, texture coordinates.
+    /// `[vertices]`, texture coordinates from the image's upper left, as in glTF 2.0.
     pub texcoords: Option<Vec<[f64; 2]>>,
     /// Ranges of triangles or polygons; together they cover the surface.
     pub primitives: Vec<RawPrimitive>,

@@ -126,7 +126,7 @@ impl Palette {
 }
 
 /// Squared distance of two entries at which their contrast is as bad as an error of its size.
-const COARSE: f32 = 1024.0;
+const COARSE: f32 = 4096.0;
 
 /// Two entries that look like a third colour when painted side by side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -176,7 +176,7 @@ fn square(a: [f32; 3]) -> f32 {
     dot(a, a)
 }
 
-/// All colours in ascending order, unless there are more than 256.
+/// All colours in ascending order, at least one; none if there are more than 256.
 fn distinct(images: &[Image]) -> Option<Vec<Rgb>> {
     let mut seen = HashSet::new();
     let mut last = None;
@@ -187,6 +187,10 @@ fn distinct(images: &[Image]) -> Option<Vec<Rgb>> {
             }
             last = Some(color);
         }
+    }
+    // A palette needs an entry, even of no pixels.
+    if seen.is_empty() {
+        seen.insert([0; 3]);
     }
     let mut colors: Vec<Rgb> = seen.into_iter().collect();
     colors.sort_unstable();

@@ -143,3 +143,25 @@ fn what_cannot_be_written_is_refused_and_leaves_nothing() {
     assert_eq!(mixed, kind);
     assert!(folder.names().is_empty());
 }
+
+#[test]
+fn a_palette_of_other_frames_serves() {
+    let folder = TestFolder::new();
+    let path = folder.path("a.gif");
+    let images = moving_square(20);
+    for palette in [Palette::of(&[]), Palette::of(&images[..1])] {
+        let mut writer = GifWriter::create(&path, 40, 30, 0.1, palette).unwrap();
+        for image in &images {
+            writer.push(image).unwrap();
+        }
+        assert!(!path.exists(), "nothing under the final name before finish");
+        writer.finish().unwrap();
+        assert!(!play(&path).is_empty());
+        std::fs::remove_file(&path).unwrap();
+    }
+    let palette = Palette::of(&images);
+    let writer = GifWriter::create(&path, 40, 30, 0.1, palette).unwrap();
+    let kind = writer.finish().unwrap_err().kind;
+    assert_eq!(kind, ExportErrorKind::Empty { what: "frame" });
+    assert!(folder.names().is_empty());
+}

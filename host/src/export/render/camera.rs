@@ -134,9 +134,24 @@ impl Camera {
         }
     }
 
+    /// Column and row of a point (metres) in a picture of this size, for labels; none where the
+    /// point is behind the eye or not finite. It may lie outside the picture.
+    #[must_use]
+    pub fn project(&self, point: DVec3, width: usize, height: usize) -> Option<[f64; 2]> {
+        let view = self.view(width.max(1), height.max(1));
+        let clip = view.clip(point.as_vec3()).as_dvec3();
+        (clip.is_finite() && clip.z >= f64::from(view.near)).then(|| {
+            [
+                (clip.x / clip.z + 1.0) / 2.0 * width as f64,
+                (1.0 - clip.y / clip.z) / 2.0 * height as f64,
+            ]
+        })
+    }
+
     /// Axes and scales for a picture of this size; any nonsense in the camera is replaced.
     pub(super) fn view(&self, width: usize, height: usize) -> View {
-        let finite = |v: DVec3, other: DVec3| if v.is_finite() { v } else { other };
+        // Rendering is in f32.
+        let finite = |v: DVec3, other| if v.as_vec3().is_finite() { v } else { other };
         let eye = finite(self.eye, DVec3::new(0.0, 1.0, 3.0));
         let target = finite(self.target, DVec3::Y);
         let back = (eye - target).try_normalize().unwrap_or(DVec3::Z);
@@ -218,6 +233,13 @@ mod tests {
         let view = camera.view(200, 100);
         let clip = view.clip(Vec3::new(2.0, 1.0, 1.0));
         assert!((clip - Vec3::new(1.0, 1.0, 4.0)).length() < 1e-6);
+        // A quarter of the half width right of the middle, a quarter of the half height above.
+        let [x, y] = camera.project(DVec3::new(2.0, 1.0, 1.0), 200, 100).unwrap();
+        assert!(
+            (x - 125.0).abs() < 1e-4 && (y - 37.5).abs() < 1e-4,
+            "{x} {y}"
+        );
+        assert_eq!(camera.project(DVec3::new(0.0, 0.0, 6.0), 200, 100), None);
         assert!((view.ray(1.0, -1.0) - Vec3::new(2.0, -1.0, -1.0)).length() < 1e-6);
     }
 

@@ -337,9 +337,9 @@ mod tests {
         };
         let toward = Vec3::new(1.0, 1.0, 0.0).normalize();
         let shadow = FloorShadow::new(&scene, 0.0, toward).unwrap();
-        // Moved by half a metre away from the light; 0.31 of the light blocked in the middle.
+        // Moved by half a metre away from the light; at most 0.34 of the light is blocked there.
         let (middle, beside) = (shadow.light(-0.5, 0.0), shadow.light(0.5, 0.0));
-        assert!(middle < 0.8 && middle >= 0.68, "{middle}");
+        assert!((0.65..0.8).contains(&middle), "{middle}");
         assert_eq!(beside, 1.0);
         assert_eq!(shadow.light(1e9, f32::NAN), 1.0);
     }

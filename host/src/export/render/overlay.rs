@@ -71,11 +71,31 @@ impl Capsule {
         [fixed(low.x), fixed(low.y), fixed(high.x), fixed(high.y)]
     }
 
+    /// As [`Self::bounds`], but only of the part that can reach into a row of samples: a long
+    /// slanted capsule fills little of its box.
+    fn bounds_in_row(&self, row: usize) -> [i64; 4] {
+        let [left, top, right, bottom] = self.bounds();
+        let along = self.to - self.from;
+        if along.y.abs() < 1.0 {
+            return [left, top, right, bottom];
+        }
+        let radius = self.from_radius.max(self.to_radius);
+        let x = |y: f32| {
+            let t = (y - self.from.y) / along.y;
+            self.from.x + along.x * t.clamp(0.0, 1.0)
+        };
+        let ends = [x(row as f32 - radius), x(row as f32 + 1.0 + radius)];
+        let low = ends[0].min(ends[1]) - radius;
+        let high = ends[0].max(ends[1]) + radius;
+        let fixed = |value: f32| (value * UNIT as f32) as i64;
+        [fixed(low).max(left), top, fixed(high).min(right), bottom]
+    }
+
     /// Draws it as number `id` into a band of its own kind.
     pub fn draw(&self, id: u32, band: &mut Band) {
-        let (rows, columns) = band.cells(self.bounds());
+        let (rows, _) = band.cells(self.bounds());
         for row in rows {
-            for column in columns.clone() {
+            for column in band.cells(self.bounds_in_row(row)).1 {
                 let cell = (row - band.first_row) * band.columns + column;
                 let sample = sample_position(band, column, row);
                 if let Some(entry) = self.entry(sample)
@@ -147,6 +167,7 @@ pub(super) fn capsules(
 
 #[cfg(test)]
 mod tests {
+    use super::super::raster::{NONE, Pattern};
     use super::*;
 
     #[test]
@@ -171,5 +192,32 @@ mod tests {
         assert!(capsule.entry(Vec2::new(15.0, 14.1)).is_none());
         assert!(capsule.entry(Vec2::new(23.9, 10.0)).is_some(), "round end");
         assert!(capsule.entry(Vec2::new(23.9, 12.0)).is_none());
+    }
+    #[test]
+    fn drawing_visits_every_sample_inside() {
+        for to in [[25.0, 24.0], [4.0, 28.0], [28.0, 9.5], [5.0, 5.0]] {
+            let capsule = Capsule {
+                from: Vec2::new(6.0, 9.0),
+                to: Vec2::from(to),
+                from_radius: 3.0,
+                to_radius: 1.5,
+                from_inverse_w: 0.5,
+                to_inverse_w: 0.4,
+                focal: 80.0,
+                color: Vec3::ONE,
+                occluded_opacity: 0.0,
+            };
+            let mut band = Band::new(Pattern::new(2), 32);
+            band.reset(0, 32);
+            capsule.draw(0, &mut band);
+            for (cell, &id) in band.nearest.iter().enumerate() {
+                let sample = sample_position(&band, cell % 32, cell / 32);
+                assert_eq!(
+                    id != NONE,
+                    capsule.entry(sample).is_some(),
+                    "{to:?} {sample}"
+                );
+            }
+        }
     }
 }

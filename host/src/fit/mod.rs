@@ -1,0 +1,17 @@
+//! Fits a motion to a body.
+//!
+//! In: a captured motion and the skeleton of a body. Out: a clip for that skeleton. The joints of
+//! the two are matched ([`correspond`]), the motion is carried over by rotation alone
+//! ([`retarget`](mod@retarget)), and the soles are put on the floor ([`floor`]).
+
+pub mod correspond;
+mod error;
+pub mod floor;
+pub mod humanoid;
+mod names;
+pub mod retarget;
+
+pub use correspond::{Correspondence, Drive};
+pub use error::{FitError, Which};
+pub use humanoid::{Finger, Humanoid, Part, Role, Side};
+pub use retarget::{Options, Reference, Retargeted, retarget};
