@@ -6,6 +6,7 @@ use std::{env, fs};
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     println!("cargo:rustc-link-search={}", root.display());
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
 
     println!("cargo:rerun-if-env-changed=SINEW_ASSET");
