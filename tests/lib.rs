@@ -5,7 +5,9 @@
 //! skipped.
 
 pub mod body;
+pub mod budgets;
 pub mod gltf_oracle;
+pub mod human;
 
 use std::path::{Path, PathBuf};
 
@@ -31,7 +33,10 @@ pub fn shared(relative: &str) -> Option<PathBuf> {
 pub fn skip(needs: &str) {
     use std::io::Write;
     // Nobody can be told that nobody can be told.
-    let _ = writeln!(std::io::stderr(), "SKIPPED: needs {needs}, which is not here");
+    let _ = writeln!(
+        std::io::stderr(),
+        "SKIPPED: needs {needs}, which is not here"
+    );
 }
 
 /// A small deterministic generator (`SplitMix64`) for seeded tests.
