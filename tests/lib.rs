@@ -4,6 +4,9 @@
 //! that needs one calls [`shared`]; where the folder is absent the test says so and passes as
 //! skipped.
 
+pub mod body;
+pub mod gltf_oracle;
+
 use std::path::{Path, PathBuf};
 
 /// The project's root folder.
@@ -21,4 +24,29 @@ pub fn shared(relative: &str) -> Option<PathBuf> {
     }
     eprintln!("SKIPPED: needs ../shared/data/{relative}, which is not here");
     None
+}
+
+/// A small deterministic generator (`SplitMix64`) for seeded tests.
+#[derive(Clone, Debug)]
+pub struct Random(pub u64);
+
+impl Random {
+    /// 64 random bits.
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    }
+
+    /// Below `limit`, which is not 0.
+    pub fn below(&mut self, limit: usize) -> usize {
+        (self.bits() % limit as u64) as usize
+    }
+
+    /// In [0, 1).
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
 }

@@ -1,1 +1,22 @@
 //! Validated values out, as files that other programs read.
+//!
+//! Every file is written beside its final name first and renamed when complete ([`atomic`]), so a
+//! failed export leaves an older file as it was.
+
+pub mod atomic;
+mod body;
+mod error;
+pub mod gif;
+pub mod glb;
+pub mod npy;
+pub mod plot;
+pub mod png;
+pub mod render;
+
+pub use atomic::write_atomic;
+pub use body::write_glb_of;
+pub use error::{ExportError, ExportErrorKind};
+pub use npy::NpyWriter;
+
+#[cfg(test)]
+mod test_folder;

@@ -6,6 +6,7 @@
 //! [`Notice`]. Whether the parts agree with each other is checked once, in [`crate::model`].
 
 mod error;
+pub mod gltf;
 mod raw;
 
 pub use error::{ImportError, ImportErrorKind, Notice, Place};

@@ -1,0 +1,16 @@
+//! From a joint palette to vertices.
+//!
+//! Vertices stand in blocks of eight; a block holds (bind, eight weights) slots. A lane of a
+//! vector register is a vertex, so no sum ever crosses lanes and every register width gives the
+//! same bits.
+
+mod lanes;
+mod level;
+mod output;
+mod plain;
+mod skin;
+
+pub use level::Level;
+pub use output::{Attribute, Output, SizeError, VertexOrder};
+pub use plain::{PlainMesh, skin_plain};
+pub use skin::skin_blocks;

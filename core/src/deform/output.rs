@@ -1,0 +1,202 @@
+//! Where vertices go: the caller's buffers, in the caller's layout.
+
+use core::fmt;
+
+use crate::asset::Dims;
+
+/// Which vertex goes where in the output.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum VertexOrder {
+    /// As in the source mesh.
+    #[default]
+    Source,
+    /// As the blocks stand in the asset; the asset's triangles use this order.
+    Block,
+}
+
+/// Where one attribute of a vertex lies in a buffer, in `f32`s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Attribute {
+    /// From a vertex to the next.
+    pub stride: usize,
+    /// From the start of a vertex to the attribute.
+    pub offset: usize,
+}
+
+impl Attribute {
+    /// Three numbers a vertex, nothing between.
+    pub const PACKED: Self = Self {
+        stride: 3,
+        offset: 0,
+    };
+
+    /// Numbers that a buffer for `vertex_count` vertices must have; `None` where that exceeds the
+    /// address space, or where vertices would overlap.
+    #[must_use]
+    pub const fn len(self, vertex_count: usize) -> Option<usize> {
+        if self.stride < 3 || self.offset > self.stride - 3 {
+            return None;
+        }
+        self.stride.checked_mul(vertex_count)
+    }
+}
+
+/// A buffer that does not fit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum SizeError {
+    /// Too few numbers in the named buffer.
+    TooSmall {
+        /// Which buffer.
+        buffer: &'static str,
+        /// Numbers needed.
+        needed: usize,
+        /// Numbers given.
+        found: usize,
+    },
+    /// The attribute does not fit into its stride, or overlaps another.
+    Layout {
+        /// Which attribute.
+        attribute: &'static str,
+    },
+}
+
+impl fmt::Display for SizeError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::TooSmall {
+                buffer,
+                needed,
+                found,
+            } => write!(
+                f,
+                "the {buffer} buffer has {found} numbers and needs {needed}; size it by the asset's Dims"
+            ),
+            Self::Layout { attribute } => write!(
+                f,
+                "the {attribute} need three numbers inside the stride that nothing else uses"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for SizeError {}
+
+/// Caller-owned vertex buffers. Contents between frames belong to the caller: a frame whose
+/// budget runs out leaves the vertices it did not reach as they were.
+#[derive(Debug)]
+pub struct Output<'o> {
+    pub(super) positions: (Attribute, usize),
+    pub(super) normals: Option<(Attribute, usize)>,
+    pub(super) buffers: [&'o mut [f32]; 2],
+    pub(super) order: VertexOrder,
+    vertex_count: usize,
+}
+
+impl<'o> Output<'o> {
+    /// Positions, and normals where given, in buffers of their own, three numbers a vertex.
+    ///
+    /// # Errors
+    /// [`SizeError::TooSmall`] below `3 * vertex_count` numbers.
+    pub fn separate(
+        dims: &Dims,
+        positions: &'o mut [f32],
+        normals: Option<&'o mut [f32]>,
+    ) -> Result<Self, SizeError> {
+        fits(dims, Attribute::PACKED, "positions", positions.len())?;
+        let has_normals = normals.is_some();
+        let normals = normals.unwrap_or_default();
+        if has_normals {
+            fits(dims, Attribute::PACKED, "normals", normals.len())?;
+        }
+        Ok(Self {
+            positions: (Attribute::PACKED, 0),
+            normals: has_normals.then_some((Attribute::PACKED, 1)),
+            buffers: [positions, normals],
+            order: VertexOrder::Source,
+            vertex_count: dims.vertex_count,
+        })
+    }
+
+    /// Positions, and normals where given, in one interleaved vertex buffer.
+    ///
+    /// # Errors
+    /// [`SizeError`] where the buffer is too short, the strides differ, or the two overlap.
+    pub fn interleaved(
+        dims: &Dims,
+        vertices: &'o mut [f32],
+        positions: Attribute,
+        normals: Option<Attribute>,
+    ) -> Result<Self, SizeError> {
+        fits(dims, positions, "positions", vertices.len())?;
+        if let Some(normals) = normals {
+            fits(dims, normals, "normals", vertices.len())?;
+            if normals.stride != positions.stride || normals.offset.abs_diff(positions.offset) < 3 {
+                return Err(SizeError::Layout {
+                    attribute: "normals",
+                });
+            }
+        }
+        Ok(Self {
+            positions: (positions, 0),
+            normals: normals.map(|normals| (normals, 0)),
+            buffers: [vertices, &mut []],
+            order: VertexOrder::Source,
+            vertex_count: dims.vertex_count,
+        })
+    }
+
+    /// The same with another vertex order.
+    #[must_use]
+    pub fn in_order(mut self, order: VertexOrder) -> Self {
+        self.order = order;
+        self
+    }
+
+    pub(super) fn put_position(&mut self, vertex: usize, value: [f32; 3]) {
+        self.put(self.positions, vertex, value);
+    }
+
+    pub(super) fn put_normal(&mut self, vertex: usize, value: [f32; 3]) {
+        if let Some(normals) = self.normals {
+            self.put(normals, vertex, value);
+        }
+    }
+
+    fn put(&mut self, (attribute, buffer): (Attribute, usize), vertex: usize, value: [f32; 3]) {
+        let at = vertex * attribute.stride + attribute.offset;
+        let buffer = self
+            .buffers
+            .get_mut(buffer)
+            .and_then(|buffer| buffer.get_mut(at..));
+        if let Some(slot) = buffer.and_then(<[f32]>::first_chunk_mut) {
+            *slot = value;
+        }
+    }
+
+    /// Whether it was made for an asset of this size.
+    #[must_use]
+    pub fn fits(&self, dims: &Dims) -> bool {
+        self.vertex_count == dims.vertex_count
+    }
+}
+
+fn fits(
+    dims: &Dims,
+    attribute: Attribute,
+    name: &'static str,
+    found: usize,
+) -> Result<(), SizeError> {
+    match attribute.len(dims.vertex_count) {
+        Some(needed) if needed <= found => Ok(()),
+        Some(needed) => Err(SizeError::TooSmall {
+            buffer: name,
+            needed,
+            found,
+        }),
+        None => Err(SizeError::Layout { attribute: name }),
+    }
+}

@@ -1,0 +1,214 @@
+//! The whole of a frame.
+
+use core::borrow::BorrowMut;
+
+use super::buffers::Progress;
+use super::{Budget, Flags, FrameReport, State, Workspace};
+use crate::asset::Asset;
+use crate::deform::{Level, Output, SizeError, skin_blocks};
+use crate::pose::{self, Joint12, Local, Transform};
+
+/// What moves an avatar in a frame.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Input<'i> {
+    /// The asset's rest pose.
+    Rest,
+    /// The pose of the frame before.
+    Hold,
+    /// A clip of the asset.
+    Clip {
+        /// Which.
+        index: usize,
+        /// Seconds from its start.
+        seconds: f32,
+        /// Start again at the end instead of staying there.
+        looped: bool,
+    },
+    /// Local transforms, `[joints]`.
+    Pose(&'i [Transform]),
+}
+
+/// An asset, what it remembers, and scratch: everything a frame needs.
+///
+/// Making one costs nothing, so many avatars can share a workspace by taking turns.
+///
+/// ```
+/// use sinew_core::{asset::{Asset, Dims}, deform::Output, frame::*};
+/// # const BYTES: &[u8] = sinew_core::include_asset!("../../../tests/golden/arm.sinew");
+/// const DIMS: Dims = Dims::of(BYTES);
+/// let asset = Asset::new_checked(BYTES)?;
+/// let mut state = State::<[f32; state_len(&DIMS)]>::new();
+/// let mut workspace = Workspace::<[f32; workspace_len(&DIMS)]>::new();
+/// let mut positions = [0.0; 3 * DIMS.vertex_count];
+///
+/// let mut output = Output::separate(&DIMS, &mut positions, None)?;
+/// let mut avatar = Avatar::new(&asset, &mut state, &mut workspace)?;
+/// let input = Input::Clip { index: 0, seconds: 0.5, looped: true };
+/// let report = avatar.step(&input, Budget::UNLIMITED, &mut output);
+/// assert!(report.flags.is_empty());
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Avatar<'r, 'a> {
+    asset: &'r Asset<'a>,
+    progress: &'r mut Progress,
+    local: &'r mut [Local],
+    model: &'r mut [Joint12],
+    palette: &'r mut [Joint12],
+    level: Level,
+}
+
+impl<'r, 'a> Avatar<'r, 'a> {
+    /// Brings the three together.
+    ///
+    /// # Errors
+    /// [`SizeError`] where the state or the workspace is too small for the asset.
+    pub fn new<S: BorrowMut<[f32]>, W: BorrowMut<[f32]>>(
+        asset: &'r Asset<'a>,
+        state: &'r mut State<S>,
+        workspace: &'r mut Workspace<W>,
+    ) -> Result<Self, SizeError> {
+        let (progress, local) = state.parts(asset.dims())?;
+        let (model, palette) = workspace.parts(asset.dims())?;
+        if !progress.posed {
+            pose::rest(asset, local);
+            *progress = Progress {
+                posed: true,
+                next_block: 0,
+            };
+        }
+        Ok(Self {
+            asset,
+            progress,
+            local,
+            model,
+            palette,
+            level: Level::best(),
+        })
+    }
+
+    /// Uses other instructions than the best ones. The output's bits stay the same.
+    #[must_use]
+    pub fn with_level(mut self, level: Level) -> Self {
+        self.level = level;
+        self
+    }
+
+    /// Advances to the input's pose and writes vertices, as many as the budget allows.
+    ///
+    /// Unusable input keeps the last good pose and raises a flag; the output never holds a number
+    /// that is not finite. Work is bounded by [`cost`](super::cost).
+    pub fn step(
+        &mut self,
+        input: &Input<'_>,
+        budget: Budget,
+        output: &mut Output<'_>,
+    ) -> FrameReport {
+        let mut report = FrameReport::default();
+        self.pose(input, &mut report);
+        if pose::to_model(self.asset, self.local, self.model) > 0 {
+            report.flags |= Flags::OVERFLOW;
+        }
+        pose::palette(self.asset, self.model, self.palette);
+        self.skin(budget, output, &mut report);
+        report
+    }
+
+    /// Model-space matrices of all joints after the last step, rows of 3 x 4: attachment points.
+    #[must_use]
+    pub fn model(&self) -> &[Joint12] {
+        self.model
+    }
+
+    fn pose(&mut self, input: &Input<'_>, report: &mut FrameReport) {
+        match *input {
+            Input::Hold => {}
+            Input::Rest => pose::rest(self.asset, self.local),
+            Input::Clip {
+                index,
+                seconds,
+                looped,
+            } => match self.asset.clip(index) {
+                None => report.flags |= Flags::UNKNOWN_CLIP,
+                Some(_) if !seconds.is_finite() => {
+                    report.flags |= Flags::BAD_INPUT;
+                    report.held_joints = self.local.len();
+                }
+                Some(clip) => {
+                    let seconds = if looped {
+                        wrap(seconds, clip.duration)
+                    } else {
+                        seconds
+                    };
+                    pose::rest(self.asset, self.local);
+                    pose::sample(&clip, seconds, self.local);
+                }
+            },
+            Input::Pose(pose) => {
+                if pose.len() < self.local.len() {
+                    report.flags |= Flags::SHORT_POSE;
+                }
+                report.held_joints = pose::accept(pose, self.local);
+                if report.held_joints > 0 {
+                    report.flags |= Flags::BAD_INPUT;
+                }
+            }
+        }
+    }
+
+    /// Continues at the block where the frame before stopped, so that under a steady budget every
+    /// block is brought up to date in turn.
+    fn skin(&mut self, budget: Budget, output: &mut Output<'_>, report: &mut FrameReport) {
+        let blocks = self.asset.dims().block_count;
+        if !output.fits(self.asset.dims()) {
+            report.flags |= Flags::WRONG_OUTPUT;
+            report.blocks_left = blocks;
+            return;
+        }
+        let count = budget.blocks.min(blocks);
+        let first = if count == blocks {
+            0
+        } else {
+            self.progress.next_block.min(blocks)
+        };
+        let end = first.saturating_add(count);
+        let mut skin = |range| skin_blocks(self.asset, self.palette, range, self.level, output);
+        if end <= blocks {
+            skin(first..end);
+            self.progress.next_block = if end == blocks { 0 } else { end };
+        } else {
+            let wrapped = end - blocks;
+            skin(first..blocks);
+            skin(0..wrapped);
+            self.progress.next_block = wrapped;
+        }
+        report.blocks_done = count;
+        report.blocks_left = blocks - count;
+    }
+}
+
+/// `seconds` into one round of `duration`.
+fn wrap(seconds: f32, duration: f32) -> f32 {
+    if duration <= 0.0 {
+        return 0.0;
+    }
+    let rounds = libm::floorf(seconds / duration);
+    let into = seconds - rounds * duration;
+    // Rounding can leave it just outside.
+    into.max(0.0).min(duration)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::wrap;
+
+    #[test]
+    fn time_wraps_both_ways() {
+        assert_eq!(wrap(2.5, 2.0), 0.5);
+        assert_eq!(wrap(-0.5, 2.0), 1.5);
+        assert_eq!(wrap(2.0, 2.0), 0.0);
+        assert_eq!(wrap(7.0, 0.0), 0.0);
+        assert!((0.0..=0.1).contains(&wrap(1e30, 0.1)));
+    }
+}

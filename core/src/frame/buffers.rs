@@ -1,0 +1,141 @@
+//! Memory of an avatar: what persists, and scratch.
+
+use core::borrow::BorrowMut;
+
+use crate::asset::Dims;
+use crate::deform::SizeError;
+use crate::pose::{Joint12, Local};
+
+const LOCAL: usize = 10;
+const MATRIX: usize = 12;
+
+/// Numbers that a [`State`] needs.
+#[must_use]
+pub const fn state_len(dims: &Dims) -> usize {
+    dims.joint_count * LOCAL
+}
+
+/// Numbers that a [`Workspace`] needs.
+#[must_use]
+pub const fn workspace_len(dims: &Dims) -> usize {
+    (dims.joint_count + dims.bind_count) * MATRIX
+}
+
+/// What an avatar remembers from one frame to the next.
+///
+/// `B` is the memory: `[f32; state_len(&DIMS)]` on a device, `Vec<f32>` or `&mut [f32]` where the
+/// asset is loaded at run time.
+#[derive(Clone, Debug)]
+pub struct State<B> {
+    pub(super) progress: Progress,
+    numbers: B,
+}
+
+/// Where the last frame left off.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Progress {
+    /// Whether `local` holds a pose.
+    pub posed: bool,
+    /// The block that was not reached, or 0.
+    pub next_block: usize,
+}
+
+impl<const N: usize> State<[f32; N]> {
+    /// A state with memory of its own, for a `static` too.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            progress: Progress {
+                posed: false,
+                next_block: 0,
+            },
+            numbers: [0.0; N],
+        }
+    }
+}
+
+impl<const N: usize> Default for State<[f32; N]> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<B: BorrowMut<[f32]>> State<B> {
+    /// A state in the caller's memory, at least [`state_len`] numbers; old contents do not matter.
+    #[must_use]
+    pub const fn with(numbers: B) -> Self {
+        Self {
+            progress: Progress {
+                posed: false,
+                next_block: 0,
+            },
+            numbers,
+        }
+    }
+
+    pub(super) fn parts(
+        &mut self,
+        dims: &Dims,
+    ) -> Result<(&mut Progress, &mut [Local]), SizeError> {
+        let numbers = exactly(self.numbers.borrow_mut(), state_len(dims), "state")?;
+        Ok((&mut self.progress, numbers.as_chunks_mut().0))
+    }
+}
+
+/// Scratch of a frame. Its contents do not matter between frames, so one serves many avatars.
+#[derive(Clone, Debug)]
+pub struct Workspace<B> {
+    numbers: B,
+}
+
+impl<const N: usize> Workspace<[f32; N]> {
+    /// A workspace with memory of its own, for a `static` too.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { numbers: [0.0; N] }
+    }
+}
+
+impl<const N: usize> Default for Workspace<[f32; N]> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<B: BorrowMut<[f32]>> Workspace<B> {
+    /// A workspace in the caller's memory, at least [`workspace_len`] numbers.
+    #[must_use]
+    pub const fn with(numbers: B) -> Self {
+        Self { numbers }
+    }
+
+    /// Model matrices `[joints]` and palette `[binds]`.
+    pub(super) fn parts(
+        &mut self,
+        dims: &Dims,
+    ) -> Result<(&mut [Joint12], &mut [Joint12]), SizeError> {
+        let numbers = exactly(self.numbers.borrow_mut(), workspace_len(dims), "workspace")?;
+        let matrices: &mut [Joint12] = numbers.as_chunks_mut().0;
+        let joints = dims.joint_count.min(matrices.len());
+        matrices
+            .split_at_mut_checked(joints)
+            .ok_or(SizeError::TooSmall {
+                buffer: "workspace",
+                needed: workspace_len(dims),
+                found: 0,
+            })
+    }
+}
+
+fn exactly<'b>(
+    numbers: &'b mut [f32],
+    needed: usize,
+    buffer: &'static str,
+) -> Result<&'b mut [f32], SizeError> {
+    let found = numbers.len();
+    numbers.get_mut(..needed).ok_or(SizeError::TooSmall {
+        buffer,
+        needed,
+        found,
+    })
+}

@@ -1,0 +1,13 @@
+//! One call a frame: input in, vertices out, within a budget.
+
+mod avatar;
+mod budget;
+mod buffers;
+mod fingerprint;
+mod report;
+
+pub use avatar::{Avatar, Input};
+pub use budget::{Budget, Cost, cost};
+pub use buffers::{State, Workspace, state_len, workspace_len};
+pub use fingerprint::Fingerprint;
+pub use report::{Flags, FrameReport};

@@ -1,0 +1,10 @@
+//! From a clip or a caller's pose to joint matrices.
+//!
+//! [`sample`] turns a clip and a time into local transforms, [`to_model`] chains them down the
+//! hierarchy, [`palette`] relates them to the bind pose. Each works alone, over slices.
+
+mod local;
+mod model;
+
+pub use local::{Local, Transform, accept, rest, sample};
+pub use model::{Joint12, palette, to_model};

@@ -1,0 +1,302 @@
+//! The asset's bytes, as `core/SPEC.md` describes them.
+
+use std::collections::HashMap;
+
+use glam::DAffine3;
+use sinew_core::asset::{
+    ALIGNMENT, Dims, HEADER_BYTES, LANES, LARGEST, MAGIC, NO_PARENT, SECTION_ROW_BYTES,
+    SectionKind, VERSION, crc32,
+};
+
+use super::BakeError;
+use super::blocks::Blocks;
+use super::clips::SparseClips;
+use crate::model::{Avatar, Channel, Interpolation};
+
+/// All sections, in file order, then header and table in front of them.
+///
+/// # Errors
+/// [`BakeError`] where the body exceeds the format.
+pub fn write(avatar: &Avatar, blocks: &Blocks, clips: &SparseClips) -> Result<Vec<u8>, BakeError> {
+    let mut writer = Writer::default();
+    writer.skeleton(avatar)?;
+    writer.blocks(avatar, blocks)?;
+    writer.triangles(avatar, blocks)?;
+    writer.clips(clips)?;
+    writer.finish()
+}
+
+/// Sections under construction.
+#[derive(Default)]
+struct Writer {
+    dims: Dims,
+    sections: HashMap<u32, Vec<u8>>,
+    names: Vec<u8>,
+}
+
+impl Writer {
+    fn put<T: bytemuck::NoUninit>(&mut self, kind: SectionKind, values: &[T]) {
+        // A cast would be wrong on a big-endian machine, which the core refuses to build for.
+        self.sections
+            .insert(kind as u32, bytemuck::cast_slice(values).to_vec());
+    }
+
+    /// Offset and length of a name, stored once however often it is used.
+    fn name(&mut self, name: &str) -> [u32; 2] {
+        let bytes = name.as_bytes();
+        let length = bytes.len();
+        let found = (length > 0)
+            .then(|| self.names.windows(length).position(|w| w == bytes))
+            .flatten();
+        let offset = found.unwrap_or_else(|| {
+            self.names.extend_from_slice(bytes);
+            self.names.len() - length
+        });
+        [offset as u32, length as u32]
+    }
+
+    fn skeleton(&mut self, avatar: &Avatar) -> Result<(), BakeError> {
+        let joints = &avatar.skeleton.joints;
+        self.dims.joint_count = limit("joints", joints.len(), usize::from(NO_PARENT) - 1)?;
+        let binds = &avatar.skin.binds;
+        self.dims.bind_count = limit("skin joints", binds.len(), usize::from(NO_PARENT) - 1)?;
+        let parents = joints
+            .iter()
+            .map(|joint| joint.parent.map_or(NO_PARENT, |parent| parent as u16));
+        self.put(SectionKind::Parents, &parents.collect::<Vec<_>>());
+        let mut rest = Vec::with_capacity(joints.len());
+        for joint in joints {
+            let pose = &joint.rest;
+            let numbers = pose.rotation.to_array().into_iter();
+            let numbers = numbers
+                .chain(pose.translation.to_array())
+                .chain(pose.scale.to_array());
+            for number in numbers {
+                rest.push(fits(number, || format!("rest pose of {:?}", joint.name))?);
+            }
+        }
+        self.put(SectionKind::Rest, &rest);
+        let bind_joints: Vec<u16> = binds.iter().map(|bind| bind.joint as u16).collect();
+        self.put(SectionKind::BindJoints, &bind_joints);
+        let mut inverse = Vec::with_capacity(binds.len() * 12);
+        for bind in binds {
+            for number in rows(&bind.inverse_bind) {
+                let what = || format!("inverse bind matrix of {:?}", joints[bind.joint].name);
+                inverse.push(fits(number, what)?);
+            }
+        }
+        self.put(SectionKind::InverseBind, &inverse);
+        let names: Vec<[u32; 2]> = joints.iter().map(|joint| self.name(&joint.name)).collect();
+        self.put(SectionKind::JointNames, names.as_flattened());
+        Ok(())
+    }
+
+    fn blocks(&mut self, avatar: &Avatar, blocks: &Blocks) -> Result<(), BakeError> {
+        let mesh = &avatar.mesh;
+        self.dims.vertex_count = limit("vertices", mesh.positions.len(), u32::MAX as usize / 2)?;
+        self.dims.block_count = blocks.blocks.len();
+        self.dims.slot_count = blocks.blocks.iter().map(Vec::len).sum();
+        self.dims.rigid_block_count = blocks.blocks.iter().filter(|b| b.len() == 1).count();
+        let mut starts = vec![0_u32];
+        for block in &blocks.blocks {
+            starts.push(starts[starts.len() - 1] + block.len() as u32);
+        }
+        self.put(SectionKind::BlockSlots, &starts);
+        let slots = || blocks.blocks.iter().flatten();
+        let slot_binds: Vec<u16> = slots().map(|slot| slot.bind).collect();
+        self.put(SectionKind::SlotBinds, &slot_binds);
+        let weights: Vec<[u16; LANES]> = slots().map(|slot| slot.weights).collect();
+        self.put(SectionKind::SlotWeights, weights.as_flattened());
+        self.put(SectionKind::Order, &blocks.order);
+        let mut positions = Vec::with_capacity(blocks.blocks.len() * 24);
+        let mut normals = Vec::with_capacity(blocks.blocks.len() * 24);
+        for block in blocks.order.chunks(LANES) {
+            let lanes: [usize; LANES] = std::array::from_fn(|lane| {
+                *block.get(lane).unwrap_or(&block[block.len() - 1]) as usize
+            });
+            for axis in 0..3 {
+                for vertex in lanes {
+                    let what = || format!("position of vertex {vertex}");
+                    positions.push(fits(mesh.positions[vertex][axis], what)?);
+                    normals.push(mesh.normals[vertex][axis] as f32);
+                }
+            }
+        }
+        self.put(SectionKind::Positions, &positions);
+        self.put(SectionKind::Normals, &normals);
+        Ok(())
+    }
+
+    fn triangles(&mut self, avatar: &Avatar, blocks: &Blocks) -> Result<(), BakeError> {
+        let mesh = &avatar.mesh;
+        let mut place = vec![0_u32; mesh.positions.len()];
+        for (at, &source) in blocks.order.iter().enumerate() {
+            place[source as usize] = at as u32;
+        }
+        self.dims.triangle_count =
+            limit("triangles", mesh.triangles.len(), u32::MAX as usize / 12)?;
+        let corners = mesh.triangles.iter().flatten();
+        let corners = corners.map(|&vertex| place[vertex as usize]);
+        if mesh.positions.len() <= 1 << 16 {
+            self.dims.index_bytes = 2;
+            let corners: Vec<u16> = corners.map(|vertex| vertex as u16).collect();
+            self.put(SectionKind::Triangles, &corners);
+        } else {
+            self.dims.index_bytes = 4;
+            self.put(SectionKind::Triangles, &corners.collect::<Vec<_>>());
+        }
+        self.dims.part_count = mesh.parts.len();
+        let mut parts = Vec::with_capacity(mesh.parts.len());
+        for part in &mesh.parts {
+            let [offset, length] = self.name(&part.name);
+            let range = &part.triangles;
+            parts.push([offset, length, range.start as u32, range.len() as u32]);
+        }
+        self.put(SectionKind::Parts, parts.as_flattened());
+        Ok(())
+    }
+
+    fn clips(&mut self, clips: &SparseClips) -> Result<(), BakeError> {
+        let (mut rows, mut tracks) = (Vec::new(), Vec::new());
+        let (mut times, mut values): (Vec<f32>, Vec<f32>) = (Vec::new(), Vec::new());
+        let mut shared: HashMap<Vec<u32>, usize> = HashMap::new();
+        for clip in &clips.clips {
+            let [name, name_bytes] = self.name(&clip.name);
+            let what = || format!("duration of clip {:?}", clip.name);
+            let duration = fits(clip.duration, what)?.to_bits();
+            let period = (clip.sample_period.unwrap_or(0.0) as f32).to_bits();
+            let (first, count) = (tracks.len() as u32, clip.tracks.len() as u32);
+            rows.push([name, name_bytes, first, count, duration, period, 0, 0]);
+            self.dims.max_clip_tracks = self.dims.max_clip_tracks.max(clip.tracks.len());
+            for track in &clip.tracks {
+                let what = || format!("a key of clip {:?}", clip.name);
+                let keys = distinct_times(&track.times, what)?;
+                let bits = keys.iter().map(|&key| (track.times[key] as f32).to_bits());
+                let bits: Vec<u32> = bits.collect();
+                let first_time = *shared.entry(bits).or_insert_with_key(|bits| {
+                    times.extend(bits.iter().map(|&bits| f32::from_bits(bits)));
+                    times.len() - bits.len()
+                });
+                tracks.push([
+                    track_code(track.joint, track.channel, track.interpolation),
+                    first_time as u32,
+                    keys.len() as u32,
+                    values.len() as u32,
+                ]);
+                let (width, group) = widths(track.channel, track.interpolation);
+                for &key in &keys {
+                    for value in &track.values[key * group..][..group] {
+                        for &number in &value[..width] {
+                            values.push(fits(number, what)?);
+                        }
+                    }
+                }
+                self.dims.max_track_keys = self.dims.max_track_keys.max(keys.len());
+            }
+        }
+        self.dims.clip_count = rows.len();
+        self.dims.track_count = tracks.len();
+        self.dims.key_time_count = times.len();
+        self.dims.key_value_count = limit("key values", values.len(), u32::MAX as usize / 4)?;
+        self.put(SectionKind::Clips, rows.as_flattened());
+        self.put(SectionKind::Tracks, tracks.as_flattened());
+        self.put(SectionKind::KeyTimes, &times);
+        self.put(SectionKind::KeyValues, &values);
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Vec<u8>, BakeError> {
+        self.dims.name_bytes = self.names.len();
+        let names = std::mem::take(&mut self.names);
+        self.put(SectionKind::Names, &names);
+        let count = SectionKind::ALL.len();
+        let mut out = vec![0; HEADER_BYTES + count * SECTION_ROW_BYTES];
+        for (row, kind) in SectionKind::ALL.into_iter().enumerate() {
+            out.resize(out.len().next_multiple_of(ALIGNMENT), 0);
+            let section = self.sections.remove(&(kind as u32)).unwrap_or_default();
+            let words = [kind as u32, out.len() as u32, section.len() as u32, 0];
+            let at = HEADER_BYTES + row * SECTION_ROW_BYTES;
+            out[at..at + SECTION_ROW_BYTES].copy_from_slice(&words.map(u32::to_le_bytes).concat());
+            out.extend_from_slice(&section);
+        }
+        out.resize(out.len().next_multiple_of(ALIGNMENT), 0);
+        let total = limit("bytes", out.len(), u32::MAX as usize)?;
+        let mut word = |at: usize, value: u32| {
+            out[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        };
+        word(8, VERSION);
+        word(12, total as u32);
+        word(20, count as u32);
+        for (index, count) in self.dims.to_words().into_iter().enumerate() {
+            word(32 + 4 * index, count as u32);
+        }
+        out[..MAGIC.len()].copy_from_slice(&MAGIC);
+        let checksum = crc32(&out[20..]);
+        out[16..20].copy_from_slice(&checksum.to_le_bytes());
+        Ok(out)
+    }
+}
+
+/// Keys whose times stay apart when rounded to `f32`; of those that fall together the last.
+fn distinct_times(times: &[f64], what: impl Fn() -> String) -> Result<Vec<usize>, BakeError> {
+    let mut keys: Vec<usize> = Vec::with_capacity(times.len());
+    for (key, &time) in times.iter().enumerate() {
+        let time = fits(time, &what)?;
+        match keys.last_mut() {
+            Some(before) if times[*before] as f32 >= time => *before = key,
+            _ => keys.push(key),
+        }
+    }
+    Ok(keys)
+}
+
+fn track_code(joint: usize, channel: Channel, interpolation: Interpolation) -> u32 {
+    let channel = match channel {
+        Channel::Translation => 0,
+        Channel::Rotation => 1,
+        Channel::Scale => 2,
+    };
+    let interpolation = match interpolation {
+        Interpolation::Step => 0,
+        Interpolation::Linear => 1,
+        Interpolation::CubicSpline => 2,
+    };
+    joint as u32 | channel << 16 | interpolation << 24
+}
+
+/// Numbers in a value, values in a key.
+fn widths(channel: Channel, interpolation: Interpolation) -> (usize, usize) {
+    let width = if channel == Channel::Rotation { 4 } else { 3 };
+    let group = if interpolation == Interpolation::CubicSpline {
+        3
+    } else {
+        1
+    };
+    (width, group)
+}
+
+/// Rows of a 3 x 4 matrix.
+pub(crate) fn rows(matrix: &DAffine3) -> [f64; 12] {
+    let [x, y, z] = matrix.matrix3.transpose().to_cols_array_2d();
+    let t = matrix.translation;
+    [
+        x[0], x[1], x[2], t.x, y[0], y[1], y[2], t.y, z[0], z[1], z[2], t.z,
+    ]
+}
+
+fn limit(what: &'static str, count: usize, limit: usize) -> Result<usize, BakeError> {
+    if count > limit {
+        return Err(BakeError::TooMany { what, count, limit });
+    }
+    Ok(count)
+}
+
+fn fits(value: f64, what: impl Fn() -> String) -> Result<f32, BakeError> {
+    if value.abs() <= f64::from(LARGEST) {
+        return Ok(value as f32);
+    }
+    Err(BakeError::TooLarge {
+        what: what(),
+        value,
+    })
+}

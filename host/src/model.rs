@@ -1,1 +1,0 @@
-//! Validated meshes, skeletons, skins and clips: what every stage after import works on.

@@ -1,0 +1,143 @@
+//! Runs the core over an asset on the host.
+
+use sinew_core::asset::Asset;
+use sinew_core::deform::{Level, Output};
+use sinew_core::frame::{
+    Avatar, Budget, FrameReport, Input, State, Workspace, state_len, workspace_len,
+};
+use sinew_core::pose;
+
+use crate::model::{Clip, Skeleton};
+use crate::reference;
+
+/// One avatar with its memory and its output, in the source mesh's vertex order.
+#[derive(Debug)]
+pub struct Player<'a> {
+    asset: Asset<'a>,
+    level: Level,
+    state: State<Vec<f32>>,
+    workspace: Workspace<Vec<f32>>,
+    positions: Vec<[f32; 3]>,
+    normals: Vec<[f32; 3]>,
+}
+
+impl<'a> Player<'a> {
+    /// Memory for one avatar. The kernels use the best instructions there are.
+    #[must_use]
+    pub fn new(asset: Asset<'a>) -> Self {
+        let dims = *asset.dims();
+        Self {
+            asset,
+            level: Level::best(),
+            state: State::with(vec![0.0; state_len(&dims)]),
+            workspace: Workspace::with(vec![0.0; workspace_len(&dims)]),
+            positions: vec![[0.0; 3]; dims.vertex_count],
+            normals: vec![[0.0; 3]; dims.vertex_count],
+        }
+    }
+
+    /// The same with other instructions.
+    #[must_use]
+    pub fn with_level(mut self, level: Level) -> Self {
+        self.level = level;
+        self
+    }
+
+    /// Steps to an input; the vertices are in [`Self::positions`] and [`Self::normals`] then.
+    ///
+    /// # Panics
+    /// Never: the buffers were made for the asset.
+    pub fn step(&mut self, input: &Input<'_>) -> FrameReport {
+        let mut output = Output::separate(
+            self.asset.dims(),
+            self.positions.as_flattened_mut(),
+            Some(self.normals.as_flattened_mut()),
+        )
+        .expect("the buffers have the asset's size");
+        Avatar::new(&self.asset, &mut self.state, &mut self.workspace)
+            .expect("the memory has the asset's size")
+            .with_level(self.level)
+            .step(input, Budget::UNLIMITED, &mut output)
+    }
+
+    /// Metres, `[vertices]`.
+    #[must_use]
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
+    /// Unit length, `[vertices]`.
+    #[must_use]
+    pub fn normals(&self) -> &[[f32; 3]] {
+        &self.normals
+    }
+}
+
+/// Motion for a player, with the times at which it is to be shown.
+#[derive(Clone, Debug)]
+pub enum Motion {
+    /// A clip of the asset.
+    Own {
+        /// Which.
+        index: usize,
+        /// Seconds.
+        duration: f64,
+    },
+    /// A clip from elsewhere, already on the asset's skeleton.
+    Foreign(Clip, Skeleton),
+}
+
+impl Motion {
+    /// Seconds from start to end.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        match self {
+            Self::Own { duration, .. } => *duration,
+            Self::Foreign(clip, _) => clip.duration,
+        }
+    }
+
+    /// Steps a player to a time.
+    pub fn step(&self, player: &mut Player<'_>, seconds: f64) -> FrameReport {
+        match self {
+            Self::Own { index, .. } => player.step(&Input::Clip {
+                index: *index,
+                seconds: seconds as f32,
+                looped: false,
+            }),
+            Self::Foreign(clip, skeleton) => {
+                let local = reference::pose::sample(skeleton, clip, seconds);
+                let local: Vec<_> = local.iter().map(core_transform).collect();
+                player.step(&Input::Pose(&local))
+            }
+        }
+    }
+}
+
+fn core_transform(local: &crate::model::Transform) -> pose::Transform {
+    pose::Transform {
+        rotation: local.rotation.as_quat(),
+        translation: local.translation.as_vec3(),
+        scale: local.scale.as_vec3(),
+    }
+}
+
+/// Times from 0 to `duration`, both included, `rate` a second. Never fewer than one.
+#[must_use]
+pub fn frame_times(duration: f64, rate: f64) -> Vec<f64> {
+    // Half a thousandth of a frame: enough for a duration that is a whole number of frames.
+    let count = (duration * rate + 5e-4).floor() as usize + 1;
+    (0..count).map(|frame| frame as f64 / rate).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::frame_times;
+
+    #[test]
+    fn a_duration_of_whole_frames_includes_its_end() {
+        assert_eq!(frame_times(454.0 * 0.033_333, 1.0 / 0.033_333).len(), 455);
+        assert_eq!(frame_times(0.0, 30.0), [0.0]);
+        assert_eq!(frame_times(1.0, 4.0), [0.0, 0.25, 0.5, 0.75, 1.0]);
+    }
+}

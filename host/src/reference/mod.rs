@@ -1,0 +1,9 @@
+//! Plain `f64` versions of every stage of the core, straight from the equations.
+//!
+//! Slow and simple on purpose: what the core computes is judged against these.
+
+pub mod pose;
+pub mod skin;
+mod unpack;
+
+pub use unpack::unpack;
