@@ -9,6 +9,7 @@
 //! | [`bake`] | a validated body | the asset |
 //! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
+//! | [`studio`] | a seed | virtual captures with the truth beside them |
 //! | [`export`] | validated values | files that other programs read |
 //!
 //! Lengths are metres, angles radians, times seconds, Y is up. Host arithmetic is `f64`.
@@ -21,4 +22,5 @@ pub mod import;
 pub mod model;
 pub mod play;
 pub mod reference;
+pub mod studio;
 pub mod verify;
