@@ -1,3 +1,30 @@
 //! Virtual captures: a known motion is filmed, disturbed and written down, and the truth is kept.
+//!
+//! | stage | takes | gives |
+//! | --- | --- | --- |
+//! | [`performance`] | a clip of a body | smooth motion inside the volume |
+//! | [`flesh`] | body and motion | muscles, breath and jiggle as modes with amplitudes |
+//! | [`body`] | both | the true surface in any frame |
+//! | [`markers`] | the rest shape | markers glued to triangles |
+//! | [`cameras`] | a ring's measures | pinhole cameras |
+//!
+//! [`rope`] is the same for a rope. One seed, one capture: on every machine, with any number of
+//! threads.
 
+mod anatomy;
+pub mod body;
+pub mod cameras;
+mod error;
+pub mod flesh;
+pub mod markers;
+pub mod performance;
+mod random;
 pub mod rope;
+pub mod tree;
+
+pub use body::{Body, Scene, Surface};
+pub use cameras::{Camera, Ring};
+pub use error::StudioError;
+pub use flesh::{Flesh, FleshOptions};
+pub use markers::{Marker, MarkerLayout, MarkerSet};
+pub use performance::{Direction, Performance};

@@ -9,7 +9,6 @@ mod body;
 mod capture;
 mod motion;
 mod physics;
-mod random;
 
 use glam::DVec3;
 
@@ -18,10 +17,10 @@ pub use capture::{Capture, CaptureFrame, Disturbance, Label};
 pub use motion::Motion;
 pub use physics::RopeModel;
 
+use super::random::{self, Random};
 use body::Stance;
 use motion::{Draught, Driver};
 use physics::Rope;
-use random::Random;
 
 /// A scene that cannot be filmed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
