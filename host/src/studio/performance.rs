@@ -193,15 +193,17 @@ impl<'a> Performance<'a> {
         } else {
             1.0
         };
-        if through < 1.0 && self.direction.hold + self.direction.blend > 0.0 {
-            let weight = smooth_step(through);
+        // The drift fades in with the clip: a floor that starts at once would kick the flesh.
+        let weight = smooth_step(through);
+        if weight < 1.0 {
             for (local, start) in pose.iter_mut().zip(&self.start) {
                 local.translation = start.translation.lerp(local.translation, weight);
                 local.rotation = start.rotation.slerp(local.rotation, weight);
                 local.scale = start.scale.lerp(local.scale, weight);
             }
         }
-        let shift = DAffine3::from_translation(-self.place - self.drift * clip_seconds);
+        let drift = self.drift * (clip_seconds * weight);
+        let shift = DAffine3::from_translation(-self.place - drift);
         let mut model = self.skeleton.model(&pose);
         for matrix in &mut model {
             *matrix = shift * *matrix;

@@ -5,6 +5,9 @@
 
 use glam::DVec3;
 
+/// Corner weight by which a ray may miss a triangle: rays along an edge, as in the plane of symmetry
+/// of a body, must not slip between its two triangles.
+const EDGE: f64 = 1e-9;
 /// Triangles in a leaf.
 const LEAF: usize = 4;
 
@@ -197,10 +200,16 @@ impl Node {
     fn meets(&self, origin: DVec3, inverse: DVec3, limit: f64) -> bool {
         let a = (self.low - origin) * inverse;
         let b = (self.high - origin) * inverse;
-        // `min` and `max` drop the NaN of 0 times infinity.
-        let near = a.x.min(b.x).max(a.y.min(b.y)).max(a.z.min(b.z));
-        let far = a.x.max(b.x).min(a.y.max(b.y)).min(a.z.max(b.z));
-        far >= near.max(0.0) && near < limit
+        let (mut near, mut far) = (0.0, limit);
+        for axis in 0..3 {
+            let (low, high) = (a[axis].min(b[axis]), a[axis].max(b[axis]));
+            // Within a face's plane, zero times infinity is no number, and no bound either.
+            if !(a[axis].is_nan() || b[axis].is_nan()) {
+                near = if low > near { low } else { near };
+                far = if high < far { high } else { far };
+            }
+        }
+        near <= far
     }
 }
 
@@ -215,12 +224,12 @@ fn meet(corners: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<(f64, [
     }
     let t = origin - a;
     let u = t.dot(p) / determinant;
-    if !(0.0..=1.0).contains(&u) {
+    if u < -EDGE {
         return None;
     }
     let q = t.cross(ab);
     let v = direction.dot(q) / determinant;
-    if v < 0.0 || u + v > 1.0 {
+    if v < -EDGE || u + v > 1.0 + EDGE {
         return None;
     }
     let distance = ac.dot(q) / determinant;
@@ -273,6 +282,10 @@ mod tests {
             .first_hit(DVec3::new(0.25, 0.75, 0.0), DVec3::Z)
             .unwrap();
         assert_eq!((hit.distance, hit.triangle), (2.0, 1));
+        let edge = tree.first_hit(DVec3::new(0.3, 0.3, 0.0), DVec3::Z);
+        assert!(edge.is_some(), "along the diagonal");
+        let face = tree.first_hit(DVec3::new(0.0, 0.5, 0.0), DVec3::Z);
+        assert!(face.is_some(), "in the plane of a box's face");
         assert_eq!(hit.barycentric, [0.25, 0.25, 0.5]);
         assert_eq!(
             tree.first_hit(DVec3::new(0.25, 0.75, 0.0), DVec3::NEG_Z),
