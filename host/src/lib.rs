@@ -6,21 +6,27 @@
 //! | --- | --- | --- |
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
-//! | [`bake`] | a validated body | the asset |
-//! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`take`] | `Raw…` values | validated marker captures |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
-//! | [`studio`] | a seed | virtual captures with the truth beside them |
-//! | [`export`] | validated values | files that other programs read |
+//! | [`bake`] | a validated body | the asset |
+//! | [`mod@reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`studio`] | a body and a seed | virtual captures with the truth beside them |
+//! | [`play`], [`verify`] | an asset and motion | what the core computes, and how far off it is |
+//! | [`film`], [`export`] | validated values, frames | pictures, files that other programs read |
+//! | [`cli`] | a command line | all of it |
 //!
 //! Lengths are metres, angles radians, times seconds, Y is up. Host arithmetic is `f64`.
 #![forbid(unsafe_code)]
 
 pub mod bake;
+pub mod cli;
 pub mod export;
+pub mod film;
 pub mod fit;
 pub mod import;
 pub mod model;
 pub mod play;
 pub mod reference;
 pub mod studio;
+pub mod take;
 pub mod verify;

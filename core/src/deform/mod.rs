@@ -6,9 +6,13 @@
 
 mod lanes;
 mod level;
+mod linear;
 mod output;
 mod plain;
 mod skin;
+mod store;
+#[cfg(feature = "simd")]
+mod transpose;
 
 pub use level::Level;
 pub use output::{Attribute, Output, SizeError, VertexOrder};

@@ -7,6 +7,8 @@
 //! | [`body`] | both | the true surface in any frame |
 //! | [`markers`] | the rest shape | markers glued to triangles |
 //! | [`cameras`] | a ring's measures | pinhole cameras |
+//! | [`visibility`] | surface, markers, cameras | who sees whom, by ray casting |
+//! | [`capture`] | all of it | broken, unlabelled trajectories, and the truth |
 //!
 //! [`rope`] is the same for a rope. One seed, one capture: on every machine, with any number of
 //! threads.
@@ -14,17 +16,22 @@
 mod anatomy;
 pub mod body;
 pub mod cameras;
+pub mod capture;
 mod error;
 pub mod flesh;
 pub mod markers;
 pub mod performance;
 mod random;
 pub mod rope;
+mod track;
 pub mod tree;
+pub mod visibility;
 
 pub use body::{Body, Scene, Surface};
 pub use cameras::{Camera, Ring};
+pub use capture::{Capture, Sample, Shot, Statistics, Truth};
 pub use error::StudioError;
 pub use flesh::{Flesh, FleshOptions};
 pub use markers::{Marker, MarkerLayout, MarkerSet};
 pub use performance::{Direction, Performance};
+pub use visibility::Sight;

@@ -239,7 +239,7 @@ fn breath_regions(anatomy: &Anatomy, avatar: &Avatar) -> Vec<(&'static str, Regi
             normal * (weight * side.max(0.0))
         })
     };
-    vec![("ribs", region(0.95, 0.6)), ("abdomen", region(0.3, 0.5))]
+    vec![("ribs", region(0.95, 0.6)), ("abdomen", region(0.42, 0.5))]
 }
 
 #[cfg(test)]

@@ -227,7 +227,7 @@ pub(super) fn of(anatomy: &Anatomy, avatar: &Avatar) -> Vec<(Muscle, Region)> {
                 0.014,
                 patch(anatomy, avatar, &trunk_share, trapezius, 0.13, up),
             );
-            let chest = on_trunk(0.9, out_side * 0.09, 0.11);
+            let chest = on_trunk(1.0, out_side * 0.09, 0.11);
             add(
                 name("pectoral"),
                 swing(thorax, [arm, elbow], -out_side),
@@ -287,7 +287,7 @@ pub(super) fn of(anatomy: &Anatomy, avatar: &Avatar) -> Vec<(Muscle, Region)> {
             );
         }
     }
-    let belly = on_trunk(0.15, DVec3::ZERO, 0.12);
+    let belly = on_trunk(0.3, DVec3::ZERO, 0.12);
     add(
         "fold of the belly".into(),
         swing(hips, [hips, thorax], front),

@@ -129,7 +129,7 @@ pub(super) fn of(anatomy: &Anatomy, avatar: &Avatar) -> Vec<(Soft, Region)> {
         anatomy.at(hips) + up * (height * length) + size * (across + front * depth)
     };
     let waist = anatomy.human.spine.first().copied().unwrap_or(hips);
-    let belly = on_trunk(0.12, DVec3::ZERO, 0.10);
+    let belly = on_trunk(0.35, DVec3::ZERO, 0.10);
     add(
         "belly".into(),
         waist,
@@ -141,7 +141,7 @@ pub(super) fn of(anatomy: &Anatomy, avatar: &Avatar) -> Vec<(Soft, Region)> {
     for side in [Side::Left, Side::Right] {
         let outward = anatomy.outward(side);
         let name = |text: &str| format!("{side:?} {text}").to_lowercase();
-        let chest = on_trunk(0.80, outward * 0.09, 0.12);
+        let chest = on_trunk(0.92, outward * 0.09, 0.12);
         add(
             name("breast"),
             thorax,
@@ -150,7 +150,7 @@ pub(super) fn of(anatomy: &Anatomy, avatar: &Avatar) -> Vec<(Soft, Region)> {
             [5.0, 0.2, 0.014],
             &trunk,
         );
-        let flank = on_trunk(0.2, outward * 0.14, 0.0);
+        let flank = on_trunk(0.35, outward * 0.14, 0.0);
         add(name("flank"), waist, flank, 0.14, [4.5, 0.2, 0.014], &trunk);
         let joint = |part| anatomy.limb(side, part);
         let below = |top: usize| anatomy.membership(avatar, |at| anatomy.is_below(at, top));
