@@ -18,8 +18,6 @@ const MOST_FRAMES: f64 = 1_000_000.0;
 pub struct Scene {
     /// Frames a second.
     pub rate: f64,
-    /// Stop after this many seconds, if the clip lasts longer.
-    pub seconds: Option<f64>,
     /// How the clip is performed.
     pub direction: Direction,
     /// The flesh on the bones.
@@ -30,7 +28,6 @@ impl Default for Scene {
     fn default() -> Self {
         Self {
             rate: 120.0,
-            seconds: None,
             direction: Direction::default(),
             flesh: FleshOptions::default(),
         }
@@ -67,18 +64,13 @@ impl<'a> Body<'a> {
     /// A clip for another skeleton, a mesh without triangles, a setting out of its range.
     pub fn new(avatar: &'a Avatar, clip: &Clip, scene: Scene) -> Result<Self, StudioError> {
         within("rate", scene.rate, 1.0, 10_000.0, "between 1 and 10,000 Hz")?;
-        if let Some(seconds) = scene.seconds {
-            within("seconds", seconds, 0.0, 1e6, "between 0 and 1e6 s")?;
-        }
         if avatar.mesh.triangles.is_empty() {
             return Err(StudioError::NoSurface {
                 name: avatar.mesh.name.clone(),
             });
         }
         let performance = Performance::new(avatar, clip, scene.direction)?;
-        let duration = performance
-            .duration()
-            .min(scene.seconds.unwrap_or(f64::INFINITY));
+        let duration = performance.duration();
         within(
             "frames",
             duration * scene.rate,

@@ -100,6 +100,15 @@ impl Default for Ring {
 }
 
 impl Ring {
+    /// Further out where the actor goes further than a metre from the middle.
+    #[must_use]
+    pub fn reaching(self, reach: f64) -> Self {
+        Self {
+            radius: self.radius + (reach - 0.8).max(0.0),
+            ..self
+        }
+    }
+
     /// The cameras: the high ones evenly around, by turns at three heights, the low ones in front
     /// and behind (evenly from there on).
     ///

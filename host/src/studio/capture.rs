@@ -124,19 +124,53 @@ impl Shot {
     fn check(&self) -> Result<Vec<Camera>, StudioError> {
         let cameras = self.ring.cameras()?;
         let count = cameras.len() as f64;
-        within("cameras to keep a trajectory", self.keep_cameras as f64, 2.0, count,
-            "between 2 and the cameras")?;
-        within("cameras to start a trajectory", self.start_cameras as f64,
-            self.keep_cameras as f64, count,
-            "between those to keep one and all cameras")?;
+        within(
+            "cameras to keep a trajectory",
+            self.keep_cameras as f64,
+            2.0,
+            count,
+            "between 2 and the cameras",
+        )?;
+        within(
+            "cameras to start a trajectory",
+            self.start_cameras as f64,
+            self.keep_cameras as f64,
+            count,
+            "between those to keep one and all cameras",
+        )?;
         within("noise", self.noise, 0.0, 0.1, "between 0 and 0.1 m")?;
-        within("ghosts", self.ghosts_per_second, 0.0, 1e4, "between 0 and 10,000 a second")?;
+        within(
+            "ghosts",
+            self.ghosts_per_second,
+            0.0,
+            1e4,
+            "between 0 and 10,000 a second",
+        )?;
         within("swap chance", self.swap_chance, 0.0, 1.0, "between 0 and 1")?;
         let sight = self.sight;
-        within("marker diameter", sight.marker_diameter, 1e-4, 0.1, "between 0.0001 and 0.1 m")?;
-        within("facing limit", sight.facing_limit, 0.1, 1.57, "between 0.1 and 1.57 rad")?;
-        within("facing spread", sight.facing_spread, 0.0, 0.5, "between 0 and 0.5 rad")?;
+        within(
+            "marker diameter",
+            sight.marker_diameter,
+            1e-4,
+            0.1,
+            "between 0.0001 and 0.1 m",
+        )?;
+        within(
+            "facing limit",
+            sight.facing_limit,
+            0.1,
+            1.57,
+            "between 0.1 and 1.57 rad",
+        )?;
+        within(
+            "facing spread",
+            sight.facing_spread,
+            0.0,
+            0.5,
+            "between 0 and 0.5 rad",
+        )?;
         within("chance of a miss", sight.miss, 0.0, 1.0, "between 0 and 1")?;
+        within("exposure", sight.exposure, 0.0, 1.0, "between 0 and 1 s")?;
         within("blur", sight.blur, 0.0, 100.0, "between 0 and 100 pixels")?;
         Ok(cameras)
     }
@@ -181,11 +215,27 @@ impl Shot {
                 scope.spawn(move || {
                     let mut tree = rest.clone();
                     let mut surface = Surface::default();
+                    // The frame before the part gives the speeds in its first.
+                    body.surface_into((part * chunk).saturating_sub(1), &mut surface);
+                    let mut before = markers.positions(&surface);
                     for (at, view) in views.iter_mut().enumerate() {
                         let frame = part * chunk + at;
                         body.surface_into(frame, &mut surface);
                         tree.refit(&surface.positions);
-                        *view = self.view(&tree, cameras, markers, &surface, frame);
+                        let points = markers.positions(&surface);
+                        let speeds = speeds(&before, &points, body.scene().rate);
+                        let normals = markers.normals(&surface);
+                        let mut random = self.luck(frame);
+                        let seen = self.sight.look(
+                            &tree,
+                            cameras,
+                            &points,
+                            &normals,
+                            &speeds,
+                            &mut random,
+                        );
+                        before.clone_from(&points);
+                        *view = View { points, seen };
                         progress(done.fetch_add(1, Ordering::Relaxed) + 1);
                     }
                 });
@@ -194,21 +244,10 @@ impl Shot {
         Ok(self.track(body.scene().rate, cameras, markers, views))
     }
 
-    fn view(
-        &self,
-        tree: &Tree,
-        cameras: &[Camera],
-        markers: &MarkerSet,
-        surface: &Surface,
-        frame: usize,
-    ) -> View {
-        // One stream a frame, so that the frames may be seen in any order.
-        let mut random = Random::new(self.seed.wrapping_add(0xF1F0));
-        random = Random::new(random.bits() ^ (frame as u64).wrapping_mul(0xD134_2543_DE82_EF95));
-        let points = markers.positions(surface);
-        let normals = markers.normals(surface);
-        let seen = self.sight.look(tree, cameras, &points, &normals, &mut random);
-        View { points, seen }
+    /// One stream a frame, so that the frames may be seen in any order.
+    fn luck(&self, frame: usize) -> Random {
+        let of_seed = Random::new(self.seed.wrapping_add(0xF1F0)).bits();
+        Random::new(of_seed ^ (frame as u64).wrapping_mul(0xD134_2543_DE82_EF95))
     }
 
     fn track(
@@ -224,7 +263,11 @@ impl Shot {
             cameras,
             frames: Vec::with_capacity(views.len()),
             truth: Truth {
-                names: markers.markers.iter().map(|marker| marker.name.clone()).collect(),
+                names: markers
+                    .markers
+                    .iter()
+                    .map(|marker| marker.name.clone())
+                    .collect(),
                 positions: Vec::with_capacity(views.len()),
                 owners: Vec::with_capacity(views.len()),
                 cameras: Vec::with_capacity(views.len()),
@@ -236,12 +279,22 @@ impl Shot {
             let (samples, owners) = tracker.step(self, rate, &view.seen).into_iter().unzip();
             capture.frames.push(samples);
             truth.owners.push(owners);
-            truth.cameras.push(view.seen.iter().map(|seen| seen.cameras).collect());
+            truth
+                .cameras
+                .push(view.seen.iter().map(|seen| seen.cameras).collect());
             truth.positions.push(view.points);
         }
         truth.swap_count = tracker.swap_count;
         capture
     }
+}
+
+/// Metres a second between two frames.
+fn speeds(before: &[DVec3], now: &[DVec3], rate: f64) -> Vec<f64> {
+    let pairs = before.iter().zip(now);
+    pairs
+        .map(|(before, now)| before.distance(*now) * rate)
+        .collect()
 }
 
 /// One frame before tracking.
@@ -255,7 +308,11 @@ impl Capture {
     /// How many trajectories there are.
     #[must_use]
     pub fn trajectory_count(&self) -> usize {
-        let ids = self.frames.iter().flatten().map(|sample| sample.trajectory as usize + 1);
+        let ids = self
+            .frames
+            .iter()
+            .flatten()
+            .map(|sample| sample.trajectory as usize + 1);
         ids.max().unwrap_or(0)
     }
 
@@ -313,7 +370,8 @@ impl Capture {
         out.complete_frame_count = labelled.iter().filter(complete).count();
         let first = labelled.first().into_iter().flatten();
         out.missing_at_start = first.filter(|point| point.is_none()).count();
-        out.missing_fraction = out.missing_count as f64 / (frame_count * marker_count).max(1) as f64;
+        out.missing_fraction =
+            out.missing_count as f64 / (frame_count * marker_count).max(1) as f64;
         out.mean_gap = out.missing_count as f64 / out.gap_count.max(1) as f64;
         out
     }
@@ -323,6 +381,10 @@ impl Capture {
     pub fn visible_fractions(&self) -> Vec<f64> {
         let marker_count = self.truth.names.len().max(1) as f64;
         let owned = |owners: &Vec<Option<u32>>| owners.iter().flatten().count() as f64;
-        self.truth.owners.iter().map(|owners| owned(owners) / marker_count).collect()
+        self.truth
+            .owners
+            .iter()
+            .map(|owners| owned(owners) / marker_count)
+            .collect()
     }
 }

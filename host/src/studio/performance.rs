@@ -33,6 +33,8 @@ pub struct Direction {
     /// Take the mean horizontal velocity away where the actor would leave the volume. Only the
     /// frame of reference changes: accelerations stay.
     pub treadmill: bool,
+    /// Stop after this many seconds, if the clip lasts longer.
+    pub seconds: Option<f64>,
 }
 
 impl Default for Direction {
@@ -42,6 +44,7 @@ impl Default for Direction {
             blend: 0.8,
             speed: 1.0,
             treadmill: true,
+            seconds: None,
         }
     }
 }
@@ -60,6 +63,8 @@ pub struct Performance<'a> {
     /// Taken from every position, at clip time 0 and per second of it.
     place: DVec3,
     drift: DVec3,
+    /// How far the hips go from the middle of the volume, metres.
+    reach: f64,
 }
 
 impl<'a> Performance<'a> {
@@ -71,6 +76,9 @@ impl<'a> Performance<'a> {
         within("hold", direction.hold, 0.0, 60.0, "between 0 and 60 s")?;
         within("blend", direction.blend, 0.0, 60.0, "between 0 and 60 s")?;
         within("speed", direction.speed, 0.05, 20.0, "between 0.05 and 20")?;
+        if let Some(seconds) = direction.seconds {
+            within("seconds", seconds, 0.0, 1e6, "between 0 and 1e6 s")?;
+        }
         let skeleton = &avatar.skeleton;
         let joint_count = skeleton.joints.len();
         if let Some(track) = clip.tracks.iter().find(|track| track.joint >= joint_count) {
@@ -105,31 +113,48 @@ impl<'a> Performance<'a> {
             splines,
             rest: skeleton.rest(),
             start: Vec::new(),
-            clip_duration: clip.duration,
+            clip_duration: direction.seconds.map_or(clip.duration, |seconds| {
+                let filmed = (seconds - direction.hold).max(0.0) * direction.speed;
+                filmed.min(clip.duration)
+            }),
             place: DVec3::ZERO,
             drift: DVec3::ZERO,
+            reach: 0.0,
         };
-        performance.settle(root, key_count, period);
+        performance.settle(root, period);
         performance.start = performance.standing(root);
         Ok(performance)
     }
 
     /// Finds what brings the actor into the middle of the volume.
-    fn settle(&mut self, root: usize, key_count: usize, period: f64) {
-        let flat = |seconds: f64| {
-            let at = self.skeleton.model(&self.clip_pose(seconds))[root].translation;
+    fn settle(&mut self, root: usize, period: f64) {
+        let count = (self.clip_duration / period - 1e-6).ceil() as usize + 1;
+        let flat = |key: usize| {
+            let pose = self.clip_pose((key as f64 * period).min(self.clip_duration));
+            let at = self.skeleton.model(&pose)[root].translation;
             DVec3::new(at.x, 0.0, at.z)
         };
-        let path: Vec<DVec3> = (0..key_count)
-            .map(|key| flat(key as f64 * period))
-            .collect();
-        let mean = path.iter().sum::<DVec3>() / path.len() as f64;
-        let furthest = path.iter().map(|at| at.distance(mean)).fold(0.0, f64::max);
-        self.place = mean;
-        if self.direction.treadmill && furthest > AREA && self.clip_duration > 0.0 {
-            self.drift = (path[path.len() - 1] - path[0]) / self.clip_duration;
-            self.place = mean - self.drift * (self.clip_duration / 2.0);
+        let path: Vec<DVec3> = (0..count).map(flat).collect();
+        let furthest = |place: DVec3, drift: DVec3| {
+            let away = |(key, at): (usize, &DVec3)| {
+                at.distance(place + drift * (key as f64 * period).min(self.clip_duration))
+            };
+            path.iter().enumerate().map(away).fold(0.0, f64::max)
+        };
+        let low = path.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = path.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let (mut place, mut drift) = ((low + high) / 2.0, DVec3::ZERO);
+        let mut reach = furthest(place, drift);
+        if self.direction.treadmill && reach > AREA && self.clip_duration > 0.0 {
+            let walked = (path[count - 1] - path[0]) / self.clip_duration;
+            let start =
+                path.iter().sum::<DVec3>() / count as f64 - walked * (self.clip_duration / 2.0);
+            let on_it = furthest(start, walked);
+            if on_it < reach {
+                (place, drift, reach) = (start, walked, on_it);
+            }
         }
+        (self.place, self.drift, self.reach) = (place, drift, reach);
     }
 
     /// The rest pose, turned and moved to where the clip begins.
@@ -158,7 +183,14 @@ impl<'a> Performance<'a> {
     /// Seconds from start to end.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        self.direction.hold + self.clip_duration / self.direction.speed
+        let whole = self.direction.hold + self.clip_duration / self.direction.speed;
+        whole.min(self.direction.seconds.unwrap_or(whole))
+    }
+
+    /// How far the hips go from the middle of the volume, metres.
+    #[must_use]
+    pub fn reach(&self) -> f64 {
+        self.reach
     }
 
     /// Whether the floor moves under the actor.

@@ -55,7 +55,11 @@ impl Tracker {
         for (seen, live) in seen.iter().zip(&self.live) {
             // Drawn for all, so that an occlusion does not change the noise of the others.
             let noise = self.random.normal3() * shot.noise;
-            let needed = if live.is_some() { shot.keep_cameras } else { shot.start_cameras };
+            let needed = if live.is_some() {
+                shot.keep_cameras
+            } else {
+                shot.start_cameras
+            };
             let enough = seen.cameras.count_ones() as usize >= needed;
             points.push(enough.then(|| seen.position + noise));
         }
@@ -103,7 +107,11 @@ impl Tracker {
                 }
                 if point.distance(place) < width {
                     let age = |m: usize| self.live[m].map_or(u32::MAX, |live| live.trajectory);
-                    let loser = if age(marker) <= age(other) { other } else { marker };
+                    let loser = if age(marker) <= age(other) {
+                        other
+                    } else {
+                        marker
+                    };
                     points[loser] = None;
                 }
             }
@@ -114,11 +122,16 @@ impl Tracker {
     /// another marker's point, it breaks, or takes it over.
     fn confuse(&mut self, swap_chance: f64, points: &[Option<DVec3>]) {
         for marker in 0..points.len() {
-            let (Some(live), Some(own)) = (self.live[marker], points[marker]) else { continue };
+            let (Some(live), Some(own)) = (self.live[marker], points[marker]) else {
+                continue;
+            };
             let Some(before) = live.before else { continue };
             let expected = 2.0 * live.last - before;
             let miss = expected.distance(own);
-            let others = points.iter().enumerate().filter(|(other, _)| *other != marker);
+            let others = points
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != marker);
             let nearer = others
                 .filter_map(|(other, point)| Some((other, expected.distance((*point)?))))
                 .filter(|(_, distance)| *distance < miss)
@@ -144,7 +157,11 @@ impl Tracker {
         for marker in fresh {
             if let Some(last) = points[marker] {
                 let trajectory = self.number();
-                self.live[marker] = Some(Live { trajectory, last, before: None });
+                self.live[marker] = Some(Live {
+                    trajectory,
+                    last,
+                    before: None,
+                });
             }
         }
     }
@@ -203,11 +220,17 @@ mod tests {
     }
 
     fn at(x: f64, cameras: u32) -> Seen {
-        Seen { cameras, position: DVec3::X * x }
+        Seen {
+            cameras,
+            position: DVec3::X * x,
+        }
     }
 
     fn ids(samples: &[(Sample, Option<u32>)]) -> Vec<(u32, u32)> {
-        samples.iter().map(|(sample, marker)| (marker.unwrap(), sample.trajectory)).collect()
+        samples
+            .iter()
+            .map(|(sample, marker)| (marker.unwrap(), sample.trajectory))
+            .collect()
     }
 
     #[test]
@@ -224,7 +247,10 @@ mod tests {
 
     /// Two markers on one line that pass each other fast: each is nearer to where the other goes.
     fn crossing(swap_chance: f64) -> Vec<Vec<(u32, u32)>> {
-        let shot = Shot { swap_chance, ..quiet() };
+        let shot = Shot {
+            swap_chance,
+            ..quiet()
+        };
         let mut tracker = Tracker::new(2, 3);
         // They run at each other, then turn back: extrapolation takes each for the other.
         [0.10, 0.06, 0.02, 0.06]
@@ -240,9 +266,15 @@ mod tests {
         assert_eq!((first, then), (vec![0, 1], vec![2, 3]));
         let swapped = crossing(1.0);
         let marker_of = |frame: usize, id: u32| {
-            swapped[frame].iter().find(|pair| pair.1 == id).map(|pair| pair.0)
+            swapped[frame]
+                .iter()
+                .find(|pair| pair.1 == id)
+                .map(|pair| pair.0)
         };
-        assert!(swapped[3].iter().all(|pair| pair.1 < 2), "nothing breaks: {swapped:?}");
+        assert!(
+            swapped[3].iter().all(|pair| pair.1 < 2),
+            "nothing breaks: {swapped:?}"
+        );
         assert_eq!(marker_of(0, 0), marker_of(2, 0));
     }
 
@@ -256,14 +288,24 @@ mod tests {
 
     #[test]
     fn ghosts_come_at_their_rate_and_belong_to_no_marker() {
-        let shot = Shot { ghosts_per_second: 20.0, ..quiet() };
+        let shot = Shot {
+            ghosts_per_second: 20.0,
+            ..quiet()
+        };
         let mut tracker = Tracker::new(1, 9);
         let mut count = 0;
         for _ in 0..5000 {
             let samples = tracker.step(&shot, 100.0, &[at(0.0, 0b111)]);
-            count += samples.iter().filter(|(_, marker)| marker.is_none()).count();
+            count += samples
+                .iter()
+                .filter(|(_, marker)| marker.is_none())
+                .count();
         }
-        assert!((850..1150).contains(&tracker.ghost_count), "{}", tracker.ghost_count);
+        assert!(
+            (850..1150).contains(&tracker.ghost_count),
+            "{}",
+            tracker.ghost_count
+        );
         let mean = count as f64 / tracker.ghost_count as f64;
         assert!((1.5..4.0).contains(&mean), "{mean} frames each");
     }
