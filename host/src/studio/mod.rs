@@ -9,6 +9,7 @@
 //! | [`cameras`] | a ring's measures | pinhole cameras |
 //! | [`visibility`] | surface, markers, cameras | who sees whom, by ray casting |
 //! | [`capture`] | all of it | broken, unlabelled trajectories, and the truth |
+//! | [`files`], [`pictures`] | a capture | marker takes, C3D, JSON, NPY, pictures |
 //!
 //! [`rope`] is the same for a rope. One seed, one capture: on every machine, with any number of
 //! threads.
@@ -18,9 +19,11 @@ pub mod body;
 pub mod cameras;
 pub mod capture;
 mod error;
+pub mod files;
 pub mod flesh;
 pub mod markers;
 pub mod performance;
+pub mod pictures;
 mod random;
 pub mod rope;
 mod track;
