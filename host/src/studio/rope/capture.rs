@@ -189,7 +189,7 @@ fn merge(seen: &mut Vec<(DVec3, Label)>, distance: f64) {
 fn camera_ring(count: usize) -> Vec<DVec3> {
     let place = |i: usize| {
         let angle = std::f64::consts::TAU * i as f64 / count as f64;
-        let height = if i % 2 == 0 { 2.6 } else { 1.2 };
+        let height = if i.is_multiple_of(2) { 2.6 } else { 1.2 };
         DVec3::new(4.0 * angle.cos(), height, 4.0 * angle.sin())
     };
     (0..count).map(place).collect()

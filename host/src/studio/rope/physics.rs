@@ -158,12 +158,12 @@ impl Rope {
             self.solve_stretch(dt, &inverse_mass);
             self.collide(capsules, &inverse_mass, &mut pushes);
         }
-        for i in 0..=last {
+        for (i, &push) in pushes.iter().enumerate() {
             self.velocities[i] = (self.positions[i] - self.before[i]) / dt;
-            if pushes[i] > 0.0 {
+            if push > 0.0 {
                 // Coulomb: the tangential speed falls by at most friction times the normal one.
                 let speed = self.velocities[i].length();
-                let loss = self.model.friction * pushes[i] / dt;
+                let loss = self.model.friction * push / dt;
                 self.velocities[i] *= 1.0 - (loss / speed.max(1e-9)).min(1.0);
             }
         }
@@ -207,8 +207,8 @@ impl Rope {
             self.diagonal[k] = inverse_mass[k] + inverse_mass[k + 1] + compliance;
         }
         // Forward elimination, then back substitution (Thomas).
-        for k in 1..segments {
-            let off = -inverse_mass[k] * self.directions[k - 1].dot(self.directions[k]);
+        for (k, mass) in inverse_mass.iter().enumerate().take(segments).skip(1) {
+            let off = -mass * self.directions[k - 1].dot(self.directions[k]);
             let factor = off / self.diagonal[k - 1];
             self.diagonal[k] -= factor * off;
             self.right[k] -= factor * self.right[k - 1];
