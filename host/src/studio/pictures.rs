@@ -28,6 +28,7 @@ fn scene<'a>(
     skin: &'a [[f32; 3]],
     dots: &'a [[f32; 3]],
     colors: Colors<'a>,
+    radius: f32,
     floor: f32,
 ) -> Scene<'a> {
     Scene {
@@ -39,7 +40,7 @@ fn scene<'a>(
         }],
         points: vec![Points {
             positions: dots,
-            radius: 0.006,
+            radius,
             colors,
             occluded_opacity: 0.0,
         }],
@@ -57,7 +58,7 @@ pub fn marker_sheet(avatar: &Avatar, markers: &MarkerSet, size: usize) -> Image 
     };
     let (skin, dots) = (narrow(&rest.positions), narrow(&markers.positions(&rest)));
     let lowest = skin.iter().map(|at| at[1]).fold(f32::INFINITY, f32::min);
-    let scene = scene(avatar, &skin, &dots, Colors::Uniform(MARKER), lowest);
+    let scene = scene(avatar, &skin, &dots, Colors::Uniform(MARKER), 0.006, lowest);
     let quarter = std::f64::consts::FRAC_PI_2;
     let pictures: Vec<Image> = (0..4)
         .map(|side| {
@@ -98,7 +99,14 @@ pub fn camera_view(
         colors[marker] = if by_this { SEEN } else { ELSEWHERE };
     }
     let (skin, dots) = (narrow(&surface.positions), narrow(&lifted));
-    let scene = scene(body.avatar(), &skin, &dots, Colors::PerVertex(&colors), 0.0);
+    let scene = scene(
+        body.avatar(),
+        &skin,
+        &dots,
+        Colors::PerVertex(&colors),
+        0.011,
+        0.0,
+    );
     let lens = &capture.cameras[camera];
     let [pixels_wide, pixels_high] = lens.resolution.map(f64::from);
     let eye = Camera {

@@ -29,9 +29,9 @@ impl Default for Sight {
         Self {
             marker_diameter: 0.003,
             facing_limit: 78f64.to_radians(),
-            facing_spread: 2f64.to_radians(),
-            miss: 0.02,
-            exposure: 1e-3,
+            facing_spread: 3f64.to_radians(),
+            miss: 0.06,
+            exposure: 2e-3,
             blur: 1.0,
         }
     }
@@ -249,7 +249,7 @@ mod tests {
         };
         let cameras = [camera(DVec3::Y * 3.0)];
         assert!(
-            (sight.miss_at(6.0) - 0.5).abs() < 1e-12,
+            (sight.miss_at(3.0) - 0.5).abs() < 1e-12,
             "smeared over two widths"
         );
         assert_eq!(sight.miss_at(1e3), 1.0);

@@ -18,7 +18,7 @@ const MOST: usize = 20_000;
 /// Rounds of moving each marker to the middle of its cell (Lloyd 1982).
 const ROUNDS: usize = 12;
 /// A vertex must see this share of the sky to carry a marker: none deep in folds.
-const OPEN: f64 = 0.30;
+const OPEN: f64 = 0.42;
 
 /// `count` markers at random places that are nowhere crowded.
 pub(super) fn place(avatar: &Avatar, count: usize, seed: u64) -> Result<Vec<Marker>, StudioError> {
