@@ -7,16 +7,22 @@
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
 //! | [`take`] | `Raw…` values | validated marker captures |
+//! | [`clean`] | a marker capture | the same, merged, filled and smoothed |
+//! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`bake`] | a validated body | the asset |
 //! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
-//! | [`fit`] | a motion and a body | a clip that moves the body |
-//! | [`export`] | validated values | files that other programs read |
+//! | [`play`], [`verify`] | an asset and motion | what the core computes, and how far off it is |
+//! | [`film`], [`export`] | validated values, frames | pictures, files that other programs read |
+//! | [`cli`] | a command line | all of it |
 //!
 //! Lengths are metres, angles radians, times seconds, Y is up. Host arithmetic is `f64`.
 #![forbid(unsafe_code)]
 
 pub mod bake;
+pub mod clean;
+pub mod cli;
 pub mod export;
+pub mod film;
 pub mod fit;
 pub mod import;
 pub mod model;

@@ -71,7 +71,7 @@ pub fn verify(
     let mut scalar = Player::new(*asset).with_level(Level::Scalar);
     let mut hash = Fingerprint::new();
     let mut sum = 0.0;
-    let moments = moments(truth);
+    let moments = moments(asset);
     for (done, &(clip, seconds)) in moments.iter().enumerate() {
         let input = match clip {
             Some(index) => Input::Clip {
@@ -121,11 +121,13 @@ pub fn verify(
 }
 
 /// The rest pose, then every sample and every middle of two samples of every clip.
-fn moments(truth: &Avatar) -> Vec<(Option<usize>, f64)> {
+fn moments(asset: &Asset<'_>) -> Vec<(Option<usize>, f64)> {
     let mut moments = vec![(None, 0.0)];
-    for (index, clip) in truth.clips.iter().enumerate() {
-        let rate = 2.0 / clip.sample_period.unwrap_or(DEFAULT_PERIOD);
-        let times = frame_times(clip.duration, rate);
+    let clips = (0..asset.dims().clip_count).filter_map(|index| Some((index, asset.clip(index)?)));
+    for (index, clip) in clips {
+        let period = f64::from(clip.sample_period);
+        let period = if period > 0.0 { period } else { DEFAULT_PERIOD };
+        let times = frame_times(clip.duration.into(), 2.0 / period);
         moments.extend(times.into_iter().map(|time| (Some(index), time)));
     }
     moments

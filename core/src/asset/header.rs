@@ -155,10 +155,13 @@ impl Dims {
 
 /// A little-endian 32-bit word, or 0 beyond the end.
 pub(crate) const fn word(bytes: &[u8], at: usize) -> usize {
-    if at + 4 > bytes.len() {
-        return 0;
+    if let Some((_, from)) = bytes.split_at_checked(at)
+        && let Some(word) = from.first_chunk()
+    {
+        u32::from_le_bytes(*word) as usize
+    } else {
+        0
     }
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]) as usize
 }
 
 /// What a section holds.

@@ -228,7 +228,10 @@ impl<'a> Asset<'a> {
     /// (bind, weights of the eight lanes) of a block's slots; none for a block that does not
     /// exist. The weights of a lane sum to [`WEIGHT_ONE`].
     #[inline]
-    pub fn slots(&self, block: usize) -> impl Iterator<Item = (u16, &'a [u16; LANES])> + use<'a> {
+    pub fn slots(
+        &self,
+        block: usize,
+    ) -> impl ExactSizeIterator<Item = (u16, &'a [u16; LANES])> + Clone + use<'a> {
         let range = match (self.block_slots.get(block), self.block_slots.get(block + 1)) {
             (Some(&first), Some(&end)) => first as usize..end as usize,
             _ => 0..0,
@@ -276,6 +279,20 @@ impl<'a> Asset<'a> {
 }
 
 impl<'a> Clip<'a> {
+    /// Times in seconds at which the source was sampled, from 0 to the last; where it was not
+    /// sampled evenly, 30 a second.
+    #[inline]
+    pub fn sample_times(&self) -> impl ExactSizeIterator<Item = f32> + use<> {
+        let period = if self.sample_period > 0.0 {
+            self.sample_period
+        } else {
+            1.0 / 30.0
+        };
+        // A duration is seldom exactly so many periods.
+        let steps = (self.duration / period + 0.01) as u32;
+        (0..steps.saturating_add(1)).map(move |step| step as f32 * period)
+    }
+
     /// Its tracks, sorted by joint.
     #[inline]
     pub fn tracks(&self) -> impl Iterator<Item = Track<'a>> + use<'a> {

@@ -1,20 +1,28 @@
-//! One, four or eight vertices at a time, behind one set of operations.
+//! One, two, four or eight vertices at a time, behind one set of operations.
 //!
 //! Kernels are written once against [`Lanes`]. Multiply and add stay separate everywhere.
 
-use crate::asset::LANES;
+use crate::asset::{LANES, WEIGHT_ONE};
+
+/// A weight of one in the asset, so that weights become parts of one.
+const UNIT: f32 = 1.0 / WEIGHT_ONE as f32;
 
 /// The lanes of a block that one register holds.
 pub(super) trait Lanes: Copy {
     /// Proof that the instructions exist.
     type Token: Copy;
+    /// What a register holds once sums are complete: fewer lanes where registers are scarce.
+    type Part: Lanes<Token = Self::Token>;
     /// Lanes in a register; divides [`LANES`].
     const WIDTH: usize;
 
     fn splat(token: Self::Token, value: f32) -> Self;
     /// Lanes `first..first + WIDTH`; zero where `first` is out of range.
     fn load(token: Self::Token, from: &[f32; LANES], first: usize) -> Self;
+    /// Parts of one, each rounded once.
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
+    /// Some of the lanes, from lane `first` of this register on.
+    fn part(self, first: usize) -> Self::Part;
     fn store(self, to: &mut [f32; LANES], first: usize);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
@@ -37,6 +45,7 @@ pub(super) trait Lanes: Copy {
 
 impl Lanes for f32 {
     type Token = ();
+    type Part = Self;
     const WIDTH: usize = 1;
 
     #[inline(always)]
@@ -49,7 +58,12 @@ impl Lanes for f32 {
     }
     #[inline(always)]
     fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
-        from.get(first).map_or(0.0, |&weight| f32::from(weight))
+        from.get(first)
+            .map_or(0.0, |&weight| f32::from(weight) * UNIT)
+    }
+    #[inline(always)]
+    fn part(self, _: usize) -> Self {
+        self
     }
     #[inline(always)]
     fn store(self, to: &mut [f32; LANES], first: usize) {
@@ -75,11 +89,67 @@ impl Lanes for f32 {
     }
 }
 
+/// Two vertices without vector instructions: a matrix is fetched once for both, and their sums
+/// just fit the 32 registers of a Cortex-M. What follows the sums would not, so it is done singly.
+impl Lanes for [f32; 2] {
+    type Token = ();
+    type Part = f32;
+    const WIDTH: usize = 2;
+
+    #[inline(always)]
+    fn splat((): (), value: f32) -> Self {
+        [value; 2]
+    }
+    #[inline(always)]
+    fn load((): (), from: &[f32; LANES], first: usize) -> Self {
+        let pairs = from.as_chunks().0;
+        pairs.get(first / 2).copied().unwrap_or_default()
+    }
+    #[inline(always)]
+    fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
+        let pairs = from.as_chunks().0;
+        let [a, b]: [u16; 2] = pairs.get(first / 2).copied().unwrap_or_default();
+        [f32::from(a) * UNIT, f32::from(b) * UNIT]
+    }
+    #[inline(always)]
+    fn part(self, first: usize) -> f32 {
+        let [a, b] = self;
+        if first == 0 { a } else { b }
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f32; LANES], first: usize) {
+        if let Some(pair) = to.as_chunks_mut().0.get_mut(first / 2) {
+            *pair = self;
+        }
+    }
+    #[inline(always)]
+    fn add(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a + c, b + d]
+    }
+    #[inline(always)]
+    fn sub(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a - c, b - d]
+    }
+    #[inline(always)]
+    fn mul(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a * c, b * d]
+    }
+    #[inline(always)]
+    fn inverse_sqrt_guess(self) -> Self {
+        let [a, b] = self;
+        [a.inverse_sqrt_guess(), b.inverse_sqrt_guess()]
+    }
+}
+
 #[cfg(feature = "simd")]
 macro_rules! simd_lanes {
     ($vector:ident, $bits:ident, $width:literal) => {
         impl<S: fearless_simd::Simd> Lanes for fearless_simd::$vector<S> {
             type Token = S;
+            type Part = Self;
             const WIDTH: usize = $width;
 
             #[inline(always)]
@@ -97,7 +167,12 @@ macro_rules! simd_lanes {
                 // Small enough for a signed conversion, which every instruction set has.
                 let part = part.unwrap_or(&[0; $width]).map(i32::from);
                 let part: fearless_simd::$bits<S> = fearless_simd::SimdFrom::simd_from(token, part);
-                fearless_simd::SimdInt::to_float(part)
+                let weights: Self = fearless_simd::SimdInt::to_float(part);
+                weights * UNIT
+            }
+            #[inline(always)]
+            fn part(self, _: usize) -> Self {
+                self
             }
             #[inline(always)]
             fn store(self, to: &mut [f32; LANES], first: usize) {

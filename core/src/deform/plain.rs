@@ -78,6 +78,7 @@ impl<'m> PlainMesh<'m> {
 /// `palette: [binds]`. Baked blocks are faster; this is for meshes that change too often to bake.
 /// An output made for fewer vertices gets those. O(vertices x influences)
 pub fn skin_plain(mesh: &PlainMesh<'_>, palette: &[Affine12], output: &mut Output<'_>) {
+    let mut output = output.writer();
     let rows = mesh.binds.chunks_exact(mesh.influences.max(1));
     let rows = rows.zip(mesh.weights.chunks_exact(mesh.influences.max(1)));
     for (vertex, (&position, (binds, weights))) in mesh.positions.iter().zip(rows).enumerate() {

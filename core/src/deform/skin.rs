@@ -4,8 +4,8 @@ use core::ops::Range;
 
 use super::Level;
 use super::lanes::Lanes;
-use super::output::{Attribute, Output, VertexOrder};
-use crate::asset::{Asset, LANES, Lanes3, WEIGHT_ONE};
+use super::output::{Output, VertexOrder, Writer};
+use crate::asset::{Asset, LANES, Lanes3};
 use crate::math::{Affine12, IDENTITY};
 
 /// Skins a range of blocks: `v = (sum_i w_i M_i D_i^-1) v_d`, normals by the same matrix without
@@ -21,7 +21,7 @@ pub fn skin_blocks(
     output: &mut Output<'_>,
 ) {
     match level {
-        Level::Scalar => blocks_by::<f32>((), asset, palette, blocks, output),
+        Level::Scalar => blocks_by::<[f32; 2]>((), asset, palette, blocks, output),
         #[cfg(feature = "simd")]
         Level::Simd(level) => {
             fearless_simd::dispatch!(level, simd => by_width(simd, asset, palette, blocks, output));
@@ -55,70 +55,124 @@ fn blocks_by<L: Lanes>(
     blocks: Range<usize>,
     output: &mut Output<'_>,
 ) {
-    let vertex_count = asset.dims().vertex_count;
-    let wants_normals = output.normals.is_some();
+    let order = match output.order {
+        VertexOrder::Source => Some(asset.order),
+        VertexOrder::Block => None,
+    };
+    let mut output = output.writer();
+    let matrix = |bind: u16| palette.get(usize::from(bind)).unwrap_or(&IDENTITY);
     for block in blocks.start..blocks.end.min(asset.dims().block_count) {
-        let (Some(positions), Some(normals)) = (
+        let mut slots = asset.slots(block);
+        let (Some(positions), Some(normals), Some((bind, weights))) = (
             asset.rest_positions().get(block),
             asset.rest_normals().get(block),
+            slots.next(),
         ) else {
             return;
         };
-        let mut skinned = Skinned::default();
-        for first in (0..LANES).step_by(L::WIDTH) {
-            let matrix = blend::<L>(token, asset, palette, block, first);
-            let rest = positions.each_ref().map(|axis| L::load(token, axis, first));
-            for (axis, row) in skinned.positions.iter_mut().zip(matrix.as_chunks::<4>().0) {
-                let sum = row[0]
-                    .mul(rest[0])
-                    .add(row[1].mul(rest[1]))
-                    .add(row[2].mul(rest[2]));
-                sum.add(row[3]).store(axis, first);
+        let rest = Rest {
+            positions,
+            normals,
+            order,
+            first_vertex: block * LANES,
+            vertex_count: asset.dims().vertex_count,
+        };
+        if slots.len() == 0 {
+            // One bind: its weight is one in every lane.
+            let mut sums = [L::Part::splat(token, 0.0); 12];
+            for (sum, &value) in sums.iter_mut().zip(matrix(bind)) {
+                *sum = L::Part::splat(token, value);
             }
-            if wants_normals {
-                let rest = normals.each_ref().map(|axis| L::load(token, axis, first));
-                let turned = [0, 4, 8].map(|row| {
-                    let [a, b, c] = [matrix[row], matrix[row + 1], matrix[row + 2]];
-                    a.mul(rest[0]).add(b.mul(rest[1])).add(c.mul(rest[2]))
-                });
-                let [x, y, z] = turned;
-                let length2 = x.mul(x).add(y.mul(y)).add(z.mul(z));
-                // A normal blended to nothing stays nothing instead of becoming infinite.
-                let length2 = length2.add(L::splat(token, SMALLEST_LENGTH2));
-                let factor = length2.inverse_sqrt(token);
-                for (axis, value) in skinned.normals.iter_mut().zip(turned) {
-                    value.mul(factor).store(axis, first);
+            for first in (0..LANES).step_by(L::Part::WIDTH) {
+                rest.finish(token, &sums, first, &mut output);
+            }
+            continue;
+        }
+        for first in (0..LANES).step_by(L::WIDTH) {
+            let mut sums = [L::splat(token, 0.0); 12];
+            let weight = L::load_weights(token, weights, first);
+            for (sum, &value) in sums.iter_mut().zip(matrix(bind)) {
+                *sum = L::splat(token, value).mul(weight);
+            }
+            for (bind, weights) in slots.clone() {
+                let weight = L::load_weights(token, weights, first);
+                for (sum, &value) in sums.iter_mut().zip(matrix(bind)) {
+                    *sum = sum.add(L::splat(token, value).mul(weight));
+                }
+            }
+            for part in (0..L::WIDTH).step_by(L::Part::WIDTH) {
+                let mut matrix = [L::Part::splat(token, 0.0); 12];
+                for (to, sum) in matrix.iter_mut().zip(sums) {
+                    *to = sum.part(part);
+                }
+                rest.finish(token, &matrix, first + part, &mut output);
+            }
+        }
+    }
+}
+
+/// A block at rest and where its vertices go.
+struct Rest<'b> {
+    positions: &'b Lanes3,
+    normals: &'b Lanes3,
+    /// `None` where vertices keep the order of the blocks.
+    order: Option<&'b [u32]>,
+    first_vertex: usize,
+    vertex_count: usize,
+}
+
+impl Rest<'_> {
+    /// Moves some lanes by their matrices and writes them.
+    #[inline(always)]
+    fn finish<L: Lanes>(
+        &self,
+        token: L::Token,
+        matrix: &[L; 12],
+        first: usize,
+        output: &mut Writer<'_>,
+    ) {
+        let mut vertices = [None; LANES];
+        for (lane, vertex) in vertices.iter_mut().enumerate().take(L::WIDTH) {
+            *vertex = self.vertex(first + lane);
+        }
+        let [r0, r1, r2] = rows(matrix);
+        let rest = load(token, self.positions, first);
+        let mut lanes = Lanes3::default();
+        for (to, row) in lanes.iter_mut().zip([r0, r1, r2]) {
+            let [.., shift] = row;
+            turn(row, rest).add(shift).store(to, 0);
+        }
+        for (lane, &vertex) in vertices.iter().enumerate().take(L::WIDTH) {
+            if let Some(vertex) = vertex {
+                output.put_position(vertex, pick(&lanes, lane));
+            }
+        }
+        if output.wants_normals() {
+            let rest = load(token, self.normals, first);
+            let normal = [turn(r0, rest), turn(r1, rest), turn(r2, rest)];
+            let [x, y, z] = normal;
+            let length2 = x.mul(x).add(y.mul(y)).add(z.mul(z));
+            // A normal blended to nothing stays nothing instead of becoming infinite.
+            let length2 = length2.add(L::splat(token, SMALLEST_LENGTH2));
+            let factor = length2.inverse_sqrt(token);
+            for (to, value) in lanes.iter_mut().zip(normal) {
+                value.mul(factor).store(to, 0);
+            }
+            for (lane, &vertex) in vertices.iter().enumerate().take(L::WIDTH) {
+                if let Some(vertex) = vertex {
+                    output.put_normal(vertex, pick(&lanes, lane));
                 }
             }
         }
-        let first_vertex = block * LANES;
-        let lanes = vertex_count.saturating_sub(first_vertex).min(LANES);
-        let order = match output.order {
-            VertexOrder::Source => asset.order.get(first_vertex..first_vertex + lanes),
-            VertexOrder::Block => None,
-        };
-        let (attribute, buffer) = output.positions;
-        if let Some(buffer) = output.buffers.get_mut(buffer) {
-            scatter(
-                &skinned.positions,
-                lanes,
-                first_vertex,
-                order,
-                attribute,
-                buffer,
-            );
-        }
-        if let Some((attribute, buffer)) = output.normals
-            && let Some(buffer) = output.buffers.get_mut(buffer)
-        {
-            scatter(
-                &skinned.normals,
-                lanes,
-                first_vertex,
-                order,
-                attribute,
-                buffer,
-            );
+    }
+
+    /// Where a lane's vertex goes; `None` for lanes that only fill the last block.
+    #[inline(always)]
+    fn vertex(&self, lane: usize) -> Option<usize> {
+        let at = self.first_vertex + lane;
+        match self.order {
+            Some(order) => order.get(at).map(|&source| source as usize),
+            None => (at < self.vertex_count).then_some(at),
         }
     }
 }
@@ -126,67 +180,28 @@ fn blocks_by<L: Lanes>(
 /// Added to squared lengths: far below one, far above where a reciprocal would overflow.
 pub(super) const SMALLEST_LENGTH2: f32 = 1e-20;
 
-#[derive(Default)]
-struct Skinned {
-    positions: Lanes3,
-    normals: Lanes3,
+#[inline(always)]
+fn rows<L: Copy>(&[a, b, c, d, e, f, g, h, i, j, k, l]: &[L; 12]) -> [[L; 4]; 3] {
+    [[a, b, c, d], [e, f, g, h], [i, j, k, l]]
 }
 
-/// The blended matrix of each lane.
 #[inline(always)]
-fn blend<L: Lanes>(
-    token: L::Token,
-    asset: &Asset<'_>,
-    palette: &[Affine12],
-    block: usize,
-    first: usize,
-) -> [L; 12] {
-    let row = |bind: u16| palette.get(usize::from(bind)).unwrap_or(&IDENTITY);
-    let mut slots = asset.slots(block);
-    let Some((bind, weights)) = slots.next() else {
-        return IDENTITY.map(|value| L::splat(token, value));
-    };
-    let Some((second, second_weights)) = slots.next() else {
-        // One bind: its weight is one.
-        return row(bind).map(|value| L::splat(token, value));
-    };
-    let weight = |weights: &[u16; LANES]| L::load_weights(token, weights, first);
-    let (one, two) = (weight(weights), weight(second_weights));
-    let (row_one, row_two) = (row(bind), row(second));
-    let mut sum = row_one.map(|value| L::splat(token, value).mul(one));
-    for (sum, &value) in sum.iter_mut().zip(row_two) {
-        *sum = sum.add(L::splat(token, value).mul(two));
-    }
-    for (bind, weights) in slots {
-        let weight = weight(weights);
-        for (sum, &value) in sum.iter_mut().zip(row(bind)) {
-            *sum = sum.add(L::splat(token, value).mul(weight));
-        }
-    }
-    let unit = L::splat(token, 1.0 / WEIGHT_ONE as f32);
-    sum.map(|value| value.mul(unit))
+fn load<L: Lanes>(token: L::Token, [x, y, z]: &Lanes3, first: usize) -> [L; 3] {
+    [
+        L::load(token, x, first),
+        L::load(token, y, first),
+        L::load(token, z, first),
+    ]
 }
 
-/// Writes the lanes of a block to their vertices.
+/// A row of a matrix, without its translation, times a vector.
 #[inline(always)]
-fn scatter(
-    lanes: &Lanes3,
-    lane_count: usize,
-    first_vertex: usize,
-    order: Option<&[u32]>,
-    attribute: Attribute,
-    buffer: &mut [f32],
-) {
-    let [x, y, z] = lanes;
-    let lanes = x.iter().zip(y).zip(z).take(lane_count);
-    for (lane, ((&x, &y), &z)) in lanes.enumerate() {
-        let vertex = match order {
-            Some(order) => order.get(lane).map_or(0, |&source| source as usize),
-            None => first_vertex + lane,
-        };
-        let at = vertex * attribute.stride + attribute.offset;
-        if let Some([to_x, to_y, to_z]) = buffer.get_mut(at..).and_then(<[f32]>::first_chunk_mut) {
-            (*to_x, *to_y, *to_z) = (x, y, z);
-        }
-    }
+fn turn<L: Lanes>([a, b, c, _]: [L; 4], [x, y, z]: [L; 3]) -> L {
+    a.mul(x).add(b.mul(y)).add(c.mul(z))
+}
+
+/// The numbers of one lane.
+#[inline(always)]
+fn pick([x, y, z]: &Lanes3, lane: usize) -> [f32; 3] {
+    [x, y, z].map(|axis| axis.get(lane).copied().unwrap_or(0.0))
 }

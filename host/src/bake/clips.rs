@@ -168,10 +168,8 @@ fn thin(track: &Track, limit: f64) -> Track {
 const LONGEST_ARC: f64 = 2.5;
 
 fn thin_steps(track: &Track) -> Track {
-    let mut keep = vec![true; track.times.len()];
-    for key in 1..keep.len() {
-        keep[key] = track.values[key] != track.values[key - 1];
-    }
+    let changes = track.values.windows(2).map(|pair| pair[0] != pair[1]);
+    let keep: Vec<bool> = std::iter::once(true).chain(changes).collect();
     select(track, &keep)
 }
 

@@ -1,0 +1,9 @@
+//! Broken marker trajectories to complete, smooth, labelled motion.
+//!
+//! Enters: a [`Take`](crate::take::Take) with gaps. Leaves: the same markers without them, and how
+//! sure each filled sample is. Park & Hodgins 2006, section 4.
+
+pub mod fill;
+mod linear;
+mod neighbours;
+mod rigid;

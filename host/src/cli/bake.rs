@@ -1,0 +1,228 @@
+//! `sinew bake`: a body and its motion into one asset.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+
+use super::load::Reading;
+use super::say::{Say, bytes, notices_json, thousands};
+use super::verify::{tell as tell_error, to_json as error_json};
+use super::{Failure, cost, load};
+use crate::bake::{BakeOptions, BakeReport, Baked, bake};
+use crate::export::write_atomic;
+use crate::fit::{Correspondence, Options, Reference, floor, retarget};
+use crate::import::Place;
+use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
+use crate::verify::{BAKE_LIMIT, verify};
+use sinew_core::frame::Budget;
+
+/// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  sinew bake --mesh body.glb --output body.sinew
+  sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
+  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew")]
+pub(crate) struct Bake {
+    /// The body: a .glb or .gltf with skin weights.
+    #[arg(long)]
+    mesh: PathBuf,
+    /// Captured motion (.bvh), put on the body by rotation alone; may be given several times.
+    #[arg(long)]
+    motion: Vec<PathBuf>,
+    #[command(flatten)]
+    fitting: Fitting,
+    /// Where to write the asset.
+    #[arg(long, short)]
+    output: PathBuf,
+}
+
+/// How a captured motion is put on a body.
+#[derive(Args, Clone, Default)]
+pub(crate) struct Fitting {
+    /// The motion's joint SOURCE drives the body's joint TARGET, whatever their names suggest.
+    #[arg(long, value_name = "SOURCE=TARGET")]
+    map: Vec<String>,
+    /// Metres in the motion file's unit of length, where the guess is wrong.
+    #[arg(long, value_name = "METRES")]
+    unit: Option<f64>,
+    /// The axis that points up in the motion file.
+    #[arg(long, value_enum, default_value_t = Up::Y)]
+    up: Up,
+    /// Count rotations from this frame (0 is the first) instead of the motion's rest pose, where
+    /// the actor stands straight in it and not in the rest pose.
+    #[arg(long, value_name = "FRAME")]
+    reference_frame: Option<usize>,
+    /// Leave the height of the motion as it is instead of putting the feet on the floor.
+    #[arg(long)]
+    keep_height: bool,
+}
+
+/// An axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Up {
+    #[default]
+    Y,
+    Z,
+}
+
+impl Fitting {
+    pub fn reading(&self) -> Result<Reading, Failure> {
+        if self
+            .unit
+            .is_some_and(|unit| !(unit.is_finite() && unit > 0.0))
+        {
+            return Err(Failure::Usage(
+                "--unit must be a positive number of metres".into(),
+            ));
+        }
+        Ok(Reading {
+            unit: self.unit,
+            z_up: self.up == Up::Z,
+        })
+    }
+
+    /// The motion on the body's skeleton, standing on the floor.
+    pub fn fit(
+        &self,
+        motion: &Motion,
+        body: &Avatar,
+        name: &str,
+    ) -> Result<(Clip, Vec<Notice>), Failure> {
+        let map = self.map.iter().map(|pair| {
+            pair.split_once('=')
+                .map(|(source, target)| (source.to_owned(), target.to_owned()))
+                .ok_or_else(|| Failure::Usage(format!("--map {pair}: give SOURCE=TARGET")))
+        });
+        let map = map.collect::<Result<Vec<_>, _>>()?;
+        let correspondence = Correspondence::new(&motion.skeleton, &body.skeleton, &map)?;
+        let reference = self
+            .reference_frame
+            .map_or(Reference::Rest, Reference::Frame);
+        let mut options = Options {
+            reference,
+            ..Options::default()
+        };
+        let mut fitted = retarget(motion, &body.skeleton, &correspondence, &options)?;
+        if !self.keep_height
+            && let Some(lift) = floor::lift(body, &correspondence.target, &fitted.clip)
+        {
+            options.lift = lift;
+            fitted = retarget(motion, &body.skeleton, &correspondence, &options)?;
+        }
+        fitted.clip.name = name.to_owned();
+        let mut notices = Vec::new();
+        let mut unmapped = |joints: Vec<usize>, skeleton: &Skeleton, what: &str| {
+            let names = joints
+                .iter()
+                .map(|&joint| skeleton.joints[joint].name.as_str());
+            let names: Vec<_> = names.collect();
+            if !names.is_empty() {
+                let text = format!(
+                    "{what}: {} (--map SOURCE=TARGET joins them)",
+                    names.join(", ")
+                );
+                notices.push(Notice::new(Place::File, text));
+            }
+        };
+        let (source, target) = (&motion.skeleton, &body.skeleton);
+        unmapped(
+            correspondence.unmapped_source(source),
+            source,
+            "joints of the motion that move nothing",
+        );
+        unmapped(
+            correspondence.unmapped_target(target),
+            target,
+            "joints of the body that stay at rest",
+        );
+        Ok((fitted.clip, notices))
+    }
+}
+
+impl Bake {
+    pub fn run(self, say: &Say) -> Result<Value, Failure> {
+        let (mut body, mut notices) = load::avatar(&self.mesh)?;
+        say.notices(&self.mesh.display().to_string(), &notices);
+        for path in &self.motion {
+            let (motion, more) = load::motion(path, self.fitting.reading()?)?;
+            say.notices(&path.display().to_string(), &more);
+            let name = path.file_stem().unwrap_or_default().to_string_lossy();
+            let (clip, fit_notices) = self.fitting.fit(&motion, &body, &name)?;
+            say.notices(&path.display().to_string(), &fit_notices);
+            notices.extend(more);
+            notices.extend(fit_notices);
+            body.clips.push(clip);
+        }
+        let baked = bake(&body, &BakeOptions::default())?;
+        let asset = baked.bytes.asset()?;
+        tell(&baked.report, say);
+        let bar = say.progress("measuring", 0);
+        let error = verify(&asset, &body, |done, all| {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+        });
+        bar.finish_and_clear();
+        tell_error(&error, say);
+        let length = baked.bytes.as_slice().len();
+        cost::tell(&asset, length, Budget::UNLIMITED, say);
+        write(&baked, &self.output)?;
+        say.line(format!(
+            "wrote {} ({})",
+            self.output.display(),
+            bytes(length)
+        ));
+        let mut object = to_json(&baked.report);
+        object["output"] = json!(self.output.display().to_string());
+        object["error"] = error_json(&error, BAKE_LIMIT);
+        object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
+        object["notices"] = notices_json(&notices);
+        Ok(object)
+    }
+}
+
+/// Writes an asset whole or not at all.
+pub(crate) fn write(baked: &Baked, output: &std::path::Path) -> Result<(), Failure> {
+    write_atomic(output, |file| Ok(file.write_all(baked.bytes.as_slice())?))?;
+    Ok(())
+}
+
+/// The report in words.
+pub(crate) fn tell(report: &BakeReport, say: &Say) {
+    let dims = &report.dims;
+    say.line(format!(
+        "{} vertices in {} blocks, {:.2} slots a block, {} blocks of one joint; {} triangles",
+        thousands(dims.vertex_count as u64),
+        thousands(dims.block_count as u64),
+        dims.slot_count as f64 / dims.block_count as f64,
+        thousands(dims.rigid_block_count as u64),
+        thousands(dims.triangle_count as u64),
+    ));
+    say.line(format!(
+        "{} joints, {} clips; {} of {} keys kept; weights within {:.1e}",
+        dims.joint_count,
+        dims.clip_count,
+        thousands(report.keys.1 as u64),
+        thousands(report.keys.0 as u64),
+        report.weight_error,
+    ));
+}
+
+pub(crate) fn to_json(report: &BakeReport) -> Value {
+    let dims = &report.dims;
+    let sections = report.section_bytes.iter();
+    let sections = sections.map(|(kind, length)| (format!("{kind:?}"), json!(length)));
+    json!({
+        "vertices": dims.vertex_count,
+        "blocks": dims.block_count,
+        "slots": dims.slot_count,
+        "rigid_blocks": dims.rigid_block_count,
+        "triangles": dims.triangle_count,
+        "joints": dims.joint_count,
+        "clips": dims.clip_count,
+        "keys": { "source": report.keys.0, "kept": report.keys.1 },
+        "weight_error": report.weight_error,
+        "section_bytes": sections.collect::<serde_json::Map<_, _>>(),
+    })
+}

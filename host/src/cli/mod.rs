@@ -1,0 +1,94 @@
+//! The `sinew` command: one file a subcommand, each thin over the library.
+//!
+//! Words for people go to standard error, `--json` puts one object on standard output. The exit
+//! status is 0 when done, 1 when the data is at fault, 2 when the command line is.
+
+mod bake;
+mod cost;
+mod demo;
+mod inspect;
+mod load;
+mod play;
+mod say;
+mod verify;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// Real-time avatars: bake a body and its motion into one asset, check it, play it.
+#[derive(Parser)]
+#[command(name = "sinew", version, about, max_term_width = 100)]
+#[command(after_help = "\
+Examples:
+  sinew demo                                       the whole way on the bundled body
+  sinew inspect walk.bvh                           what a file holds
+  sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
+  sinew play body.sinew --output body.gif
+  sinew verify body.sinew && sinew cost body.sinew
+
+Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    /// Put one JSON object on standard output.
+    #[arg(long, global = true)]
+    json: bool,
+    /// Say nothing but errors on standard error.
+    #[arg(long, short, global = true)]
+    quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Demo),
+    Inspect(inspect::Inspect),
+    Bake(bake::Bake),
+    Play(play::Play),
+    Verify(verify::Verify),
+    Cost(cost::CostCommand),
+}
+
+/// Why a command ended early.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The data is at fault: exit status 1.
+    Data(String),
+    /// The command line is: exit status 2.
+    Usage(String),
+}
+
+impl<E: std::error::Error> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Data(error.to_string())
+    }
+}
+
+/// Runs the command line and returns its exit status.
+#[must_use]
+pub fn run() -> ExitCode {
+    let arguments = Arguments::parse();
+    let say = say::Say::new(arguments.json, arguments.quiet);
+    let done = match arguments.command {
+        Command::Demo(command) => command.run(&say),
+        Command::Inspect(command) => command.run(&say),
+        Command::Bake(command) => command.run(&say),
+        Command::Play(command) => command.run(&say),
+        Command::Verify(command) => command.run(&say),
+        Command::Cost(command) => command.run(&say),
+    };
+    match done {
+        Ok(object) => {
+            say.object(&object);
+            ExitCode::SUCCESS
+        }
+        Err(Failure::Data(text)) => {
+            say.error(&text);
+            ExitCode::from(1)
+        }
+        Err(Failure::Usage(text)) => {
+            say.error(&text);
+            ExitCode::from(2)
+        }
+    }
+}
