@@ -35,6 +35,9 @@ impl Drift {
     /// variogram, with parts that are not negative. Linear in residuals and lags.
     pub fn fit(residuals: &[(usize, usize, DVec3)], variance: f64, rate: f64) -> Self {
         let lags = variogram(residuals, (LONGEST * rate) as usize);
+        if lags.is_empty() {
+            return Self::plain(variance, rate);
+        }
         let mut best = (f64::INFINITY, Self::plain(variance, rate));
         for fast_time in FAST_TIMES.map(|time| time * rate) {
             for slow_time in SLOW_TIMES.map(|time| time * rate) {

@@ -20,6 +20,7 @@ mod smoother;
 mod view;
 mod window;
 
+pub(in crate::clean) use plan::in_parallel;
 pub(in crate::clean) use view::View;
 
 /// How missing samples are estimated.

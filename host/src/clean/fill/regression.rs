@@ -20,6 +20,8 @@ const RUN: usize = 8;
 const FOLDS: usize = 6;
 /// Ridge weights that are tried, over the mean variance of a feature.
 const RIDGES: [f64; 7] = [1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 100.0];
+/// Seconds within which frames repeat each other.
+const CORRELATED: f64 = 0.25;
 /// Variance, square metres, by which a rigid distance is expected to vary anyhow.
 const NOISE: f64 = 1e-6;
 
@@ -34,6 +36,9 @@ pub(super) struct Model {
     home: DVec3,
     /// `[3 set x 3]`: from the neighbours' departures to the marker's.
     coefficients: Vec<f64>,
+    /// Normal matrix with its ridge, factored, over the number of independent frames: how far a
+    /// frame is from those learned.
+    familiar: Option<(Cholesky, f64)>,
     /// Residuals of frames left out when predicting them: (frame, fold, local residual), in order.
     pub residuals: Vec<(usize, usize, DVec3)>,
     /// Mean square of the residuals an axis, square metres.
@@ -46,7 +51,8 @@ pub(super) struct Prediction {
     pub position: DVec3,
     /// From the local frame to the take's space.
     pub pose: Rigid,
-    /// Variance an axis that comes from neighbours which are themselves estimated.
+    /// Variance an axis that comes from neighbours which are themselves estimated, and from a pose
+    /// unlike those learned.
     pub inherited: f64,
 }
 
@@ -80,6 +86,7 @@ impl Model {
             weights,
             home: DVec3::ZERO,
             coefficients: Vec::new(),
+            familiar: None,
             residuals: Vec::new(),
             variance: 0.0,
         };
@@ -117,7 +124,7 @@ impl Model {
                 .map(|fold| {
                     let mut rest = whole.clone();
                     rest.merge(fold, -1.0);
-                    rest.solve(ridge * unit)
+                    Some(rest.solve(ridge * unit)?.1)
                 })
                 .collect();
             let mut residuals = Vec::with_capacity(rows.len());
@@ -135,12 +142,18 @@ impl Model {
                 best = Some((variance, ridge, residuals));
             }
         }
-        let coefficients = best.and_then(|(variance, ridge, residuals)| {
-            self.variance = variance;
-            self.residuals = residuals;
-            whole.solve(ridge * unit)
-        });
-        self.coefficients = coefficients.unwrap_or_else(|| vec![0.0; 3 * width]);
+        self.coefficients = vec![0.0; 3 * width];
+        let Some((variance, ridge, residuals)) = best else {
+            return;
+        };
+        (self.variance, self.residuals) = (variance, residuals);
+        if let Some((factor, coefficients)) = whole.solve(ridge * unit) {
+            self.coefficients = coefficients;
+            // Frames of one quarter of a second say the same thing.
+            let spanned = frames[frames.len() - 1] - frames[0] + 1;
+            let density = (frames.len() as f64 / spanned as f64).min(1.0);
+            self.familiar = Some((factor, (CORRELATED * view.take.rate() * density).max(1.0)));
+        }
     }
 
     /// From the local frame to the take's space; `None` if a neighbour is missing.
@@ -178,10 +191,16 @@ impl Model {
             let share = self.weights[at] / total;
             (gain + share) * view.sigma(member, frame).powi(2)
         });
+        let unlike = self.familiar.as_ref().map_or(0.0, |(factor, correlated)| {
+            let mut right = features.clone();
+            factor.solve(&mut right, 1);
+            let leverage: f64 = right.iter().zip(&features).map(|(a, b)| a * b).sum();
+            leverage * correlated * self.variance
+        });
         Some(Prediction {
             position,
             pose,
-            inherited: inherited.sum(),
+            inherited: inherited.sum::<f64>() + unlike,
         })
     }
 }
@@ -286,12 +305,12 @@ impl Normal {
         trace.sum::<f64>() / (self.width as f64 * self.count)
     }
 
-    fn solve(mut self, ridge: f64) -> Option<Vec<f64>> {
+    fn solve(mut self, ridge: f64) -> Option<(Cholesky, Vec<f64>)> {
         for at in 0..self.width {
             self.gram[at * self.width + at] += ridge;
         }
         let factor = Cholesky::new(self.width, self.gram)?;
         factor.solve(&mut self.right, 3);
-        Some(self.right)
+        Some((factor, self.right))
     }
 }

@@ -11,6 +11,9 @@ use super::view::View;
 /// Seconds looked at on each side of a gap.
 const MARGIN: f64 = 0.5;
 
+/// Seconds of gap for which third differences at half its length tell the jerk as it is.
+const EVEN: f64 = 0.15;
+
 /// Where estimates come from.
 pub(super) struct Sources<'a> {
     pub view: &'a View<'a>,
@@ -141,7 +144,10 @@ fn jerk(steps: &[Step], gap: usize, noise: f64, rate: f64) -> f64 {
         (None, Some(inside), _) => inside,
         (None, None, _) => 1e-4,
     };
-    (value / scale).max(1e-16)
+    // Real motion is smoother than white jerk over short times and rougher over long ones.
+    let time = gap as f64 / rate;
+    let rougher = (time / EVEN).powi(2).clamp(0.2, 10.0);
+    (rougher * value / scale).max(1e-16)
 }
 
 /// Mean square an axis of third differences with `span` frames between samples.
