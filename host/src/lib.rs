@@ -7,6 +7,7 @@
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
 //! | [`take`] | `Raw…` values | validated marker captures |
+//! | [`clean`] | a marker capture | the same, merged, filled and smoothed |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`bake`] | a validated body | the asset |
 //! | [`mod@reference`] | a body or an asset | what the core should compute, in `f64` |
@@ -19,6 +20,7 @@
 #![forbid(unsafe_code)]
 
 pub mod bake;
+pub mod clean;
 pub mod cli;
 pub mod export;
 pub mod film;

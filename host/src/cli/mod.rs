@@ -4,6 +4,7 @@
 //! status is 0 when done, 1 when the data is at fault, 2 when the command line is.
 
 mod bake;
+mod clean;
 mod cost;
 mod demo;
 mod inspect;
@@ -46,6 +47,7 @@ enum Command {
     Demo(demo::Demo),
     Inspect(inspect::Inspect),
     Bake(bake::Bake),
+    Clean(clean::Clean),
     Play(play::Play),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
@@ -76,6 +78,7 @@ pub fn run() -> ExitCode {
         Command::Demo(command) => command.run(&say),
         Command::Inspect(command) => command.run(&say),
         Command::Bake(command) => command.run(&say),
+        Command::Clean(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
