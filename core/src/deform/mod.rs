@@ -5,12 +5,11 @@
 //! same bits.
 
 mod lanes;
-mod level;
 mod output;
 mod plain;
 mod skin;
 
-pub use level::Level;
+pub use crate::Level;
 pub use output::{Attribute, Output, SizeError, VertexOrder};
 pub use plain::{PlainMesh, skin_plain};
 pub use skin::skin_blocks;
