@@ -5,6 +5,7 @@
 //! same bits.
 
 mod lanes;
+pub mod laplacian;
 mod output;
 mod plain;
 mod skin;

@@ -169,7 +169,7 @@ fn blend<L: Lanes>(
 
 /// Writes the lanes of a block to their vertices.
 #[inline(always)]
-fn scatter(
+pub(super) fn scatter(
     lanes: &Lanes3,
     lane_count: usize,
     first_vertex: usize,
