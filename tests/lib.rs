@@ -6,6 +6,7 @@
 
 pub mod body;
 pub mod gltf_oracle;
+pub mod laplacian;
 
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,18 @@
 //! Surfaces driven by a handful of markers, without a skeleton (de Aguiar et al. 2007).
+//!
+//! In: a triangle mesh and the vertices that carry markers. [`Surface`] factors the systems;
+//! [`Surface::exact`] gives the core's tables for solving them each frame, [`collapse`] those for
+//! streaming instead. [`rotations`] finds how markers turn.
 
 pub mod cholesky;
+pub mod collapse;
 mod error;
+pub mod graph;
 pub mod operator;
+pub mod rotations;
+mod surface;
 
+pub use collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse};
 pub use error::{Component, LaplaceError};
+pub use rotations::MarkerTarget;
+pub use surface::{ExactTables, Surface, SurfaceOptions};
