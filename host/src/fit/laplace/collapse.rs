@@ -225,7 +225,7 @@ pub fn collapse(
         .iter()
         .map(|targets| tables.handle_frames(surface, targets))
         .collect();
-    tables.order = blocks::order(&surface.positions, &distances);
+    tables.order = blocks::order(&surface.distances);
     tables.block_starts = vec![0];
     for vertices in tables.order.chunks(LANES) {
         let near = blocks::nearest(vertices, &distances, options.handles_a_block);

@@ -9,6 +9,7 @@ pub mod collapse;
 mod error;
 pub mod graph;
 pub mod operator;
+pub mod repair;
 pub mod rotations;
 mod surface;
 
