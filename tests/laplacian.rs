@@ -87,3 +87,60 @@ impl Scan {
         (truth, targets)
     }
 }
+
+/// A tube of 0.6 m along y with a radius of 0.05 m: positions, triangles, normals.
+#[must_use]
+pub fn tube(rings: u32, sides: u32) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<DVec3>) {
+    let (mut positions, mut triangles, mut normals) = (Vec::new(), Vec::new(), Vec::new());
+    for ring in 0..rings {
+        for side in 0..sides {
+            let angle = std::f64::consts::TAU * f64::from(side) / f64::from(sides);
+            let out = DVec3::new(angle.cos(), 0.0, -angle.sin());
+            let height = 0.6 * f64::from(ring) / f64::from(rings - 1);
+            positions.push(0.05 * out + DVec3::Y * height);
+            normals.push(out);
+            if ring + 1 < rings {
+                let (low, next) = (ring * sides + side, ring * sides + (side + 1) % sides);
+                triangles.push([low, next, next + sides]);
+                triangles.push([low, next + sides, low + sides]);
+            }
+        }
+    }
+    (positions, triangles, normals)
+}
+
+/// The body with every triangle cut into four; new vertices lie half-way, weights too.
+#[must_use]
+pub fn subdivided(body: &Avatar) -> Avatar {
+    let mut fine = body.clone();
+    let mut middle_of = std::collections::HashMap::new();
+    let mut triangles = Vec::new();
+    for &[a, b, c] in &body.mesh.triangles {
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(a, b)| {
+            *middle_of.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let mesh = &mut fine.mesh;
+                let (i, j) = (a as usize, b as usize);
+                mesh.positions.push((mesh.positions[i] + mesh.positions[j]) / 2.0);
+                mesh.normals.push((mesh.normals[i] + mesh.normals[j]).normalize_or(DVec3::Y));
+                let mut weights = std::collections::BTreeMap::new();
+                for vertex in [i, j] {
+                    for &(bind, weight) in &body.skin.influences[vertex] {
+                        *weights.entry(bind).or_insert(0.0) += weight / 2.0;
+                    }
+                }
+                fine.skin.influences.push(weights.into_iter().collect());
+                mesh.positions.len() as u32 - 1
+            })
+        });
+        triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    fine.mesh.triangles = triangles;
+    fine.mesh.parts.clear();
+    fine
+}
+
+/// The instructions that every machine of this kind has.
+#[must_use]
+pub fn baseline() -> fearless_simd::Level {
+    fearless_simd::Level::baseline()
+}

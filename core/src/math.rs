@@ -26,6 +26,25 @@ pub fn inverse_sqrt(x: f32) -> f32 {
     y
 }
 
+/// `1 / sqrt(x)` for positive normal `x`, relative error below 8e-7: enough for a direction.
+///
+/// Two Newton steps from a guess, with constants that halve the error of each (after Walczyk,
+/// Moroz and Cieslinski, *Improving the Accuracy of the Fast Inverse Square Root by Modifying
+/// Newton-Raphson Corrections*, 2021), written for the shortest chain of operations.
+#[inline]
+#[must_use]
+pub fn rough_inverse_sqrt(x: f32) -> f32 {
+    let half = 0.5 * x;
+    let mut y = f32::from_bits(ROUGH_GUESS.wrapping_sub(x.to_bits() >> 1));
+    for factor in ROUGH_FACTORS {
+        y = factor * y - (half * y) * (y * y);
+    }
+    y
+}
+
+pub(crate) const ROUGH_GUESS: u32 = 0x5f37_7180;
+pub(crate) const ROUGH_FACTORS: [f32; 2] = [1.500_89, 1.500_000_6];
+
 /// Sum of products.
 #[inline]
 #[must_use]
@@ -212,6 +231,8 @@ mod tests {
             let exact = 1.0 / libm::sqrt(f64::from(x));
             let error = (f64::from(inverse_sqrt(x)) - exact) / exact;
             assert!(error.abs() < 2e-7, "{x}: {error}");
+            let error = (f64::from(rough_inverse_sqrt(x)) - exact) / exact;
+            assert!(error.abs() < 8e-7, "{x}: {error}");
             x *= 1.0037;
         }
     }

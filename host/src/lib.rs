@@ -6,9 +6,10 @@
 //! | --- | --- | --- |
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
+//! | [`take`] | `Raw…` values | validated marker captures |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`bake`] | a validated body | the asset |
-//! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`mod@reference`] | a body or an asset | what the core should compute, in `f64` |
 //! | [`play`], [`verify`] | an asset and motion | what the core computes, and how far off it is |
 //! | [`film`], [`export`] | validated values, frames | pictures, files that other programs read |
 //! | [`cli`] | a command line | all of it |
@@ -25,4 +26,5 @@ pub mod import;
 pub mod model;
 pub mod play;
 pub mod reference;
+pub mod take;
 pub mod verify;

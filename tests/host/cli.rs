@@ -153,7 +153,7 @@ fn data_at_fault_ends_with_1_and_names_place_and_remedy() {
         ("empty.bvh", Vec::new(), "empty"),
         ("garbage.bvh", vec![0x9C; 500], "garbage.bvh"),
         ("nan.bvh", nan.into_bytes(), "nan.bvh:"),
-        ("open.bvh", walk[..300].as_bytes().to_vec(), "open.bvh"),
+        ("open.bvh", walk.as_bytes()[..300].to_vec(), "open.bvh"),
         ("cut.glb", glb[..glb.len() / 2].to_vec(), "cut.glb"),
         ("short.glb", b"glTF".to_vec(), "short.glb"),
         ("bad.sinew", vec![7; 4096], "sinew bake"),

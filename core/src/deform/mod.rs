@@ -5,10 +5,18 @@
 //! same bits.
 
 mod lanes;
+<<<<<<< HEAD
 pub mod laplacian;
+=======
+mod level;
+mod linear;
+>>>>>>> main
 mod output;
 mod plain;
 mod skin;
+mod store;
+#[cfg(feature = "simd")]
+mod transpose;
 
 pub use crate::Level;
 pub use output::{Attribute, Output, SizeError, VertexOrder};

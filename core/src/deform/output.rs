@@ -89,9 +89,10 @@ impl core::error::Error for SizeError {}
 /// budget runs out leaves the vertices it did not reach as they were.
 #[derive(Debug)]
 pub struct Output<'o> {
-    pub(super) positions: (Attribute, usize),
-    pub(super) normals: Option<(Attribute, usize)>,
-    pub(super) buffers: [&'o mut [f32]; 2],
+    positions: Attribute,
+    /// Where, and whether in the second buffer.
+    normals: Option<(Attribute, bool)>,
+    buffers: [&'o mut [f32]; 2],
     pub(super) order: VertexOrder,
     vertex_count: usize,
 }
@@ -113,8 +114,8 @@ impl<'o> Output<'o> {
             fits(dims, Attribute::PACKED, "normals", normals.len())?;
         }
         Ok(Self {
-            positions: (Attribute::PACKED, 0),
-            normals: has_normals.then_some((Attribute::PACKED, 1)),
+            positions: Attribute::PACKED,
+            normals: has_normals.then_some((Attribute::PACKED, true)),
             buffers: [positions, normals],
             order: VertexOrder::Source,
             vertex_count: dims.vertex_count,
@@ -141,8 +142,8 @@ impl<'o> Output<'o> {
             }
         }
         Ok(Self {
-            positions: (positions, 0),
-            normals: normals.map(|normals| (normals, 0)),
+            positions,
+            normals: normals.map(|normals| (normals, false)),
             buffers: [vertices, &mut []],
             order: VertexOrder::Source,
             vertex_count: dims.vertex_count,
@@ -156,24 +157,26 @@ impl<'o> Output<'o> {
         self
     }
 
-    pub(super) fn put_position(&mut self, vertex: usize, value: [f32; 3]) {
-        self.put(self.positions, vertex, value);
-    }
-
-    pub(super) fn put_normal(&mut self, vertex: usize, value: [f32; 3]) {
-        if let Some(normals) = self.normals {
-            self.put(normals, vertex, value);
+    /// The buffers alone, so that a kernel can hold them in registers.
+    #[inline(always)]
+    pub(super) fn writer(&mut self) -> Writer<'_> {
+        let [first, second] = &mut self.buffers;
+        Writer {
+            positions: self.positions,
+            normals: self.normals,
+            first,
+            second,
         }
     }
 
-    fn put(&mut self, (attribute, buffer): (Attribute, usize), vertex: usize, value: [f32; 3]) {
-        let at = vertex * attribute.stride + attribute.offset;
-        let buffer = self
-            .buffers
-            .get_mut(buffer)
-            .and_then(|buffer| buffer.get_mut(at..));
-        if let Some(slot) = buffer.and_then(<[f32]>::first_chunk_mut) {
-            *slot = value;
+    /// Positions and normals, where each has a buffer without gaps.
+    #[cfg(feature = "simd")]
+    pub(super) fn separated(&mut self) -> Option<(&mut [f32], Option<&mut [f32]>)> {
+        let [first, second] = &mut self.buffers;
+        match (self.positions, self.normals) {
+            (Attribute::PACKED, None) => Some((first, None)),
+            (Attribute::PACKED, Some((Attribute::PACKED, true))) => Some((first, Some(second))),
+            _ => None,
         }
     }
 
@@ -187,6 +190,48 @@ impl<'o> Output<'o> {
     #[must_use]
     pub fn fits(&self, dims: &Dims) -> bool {
         self.vertex_count == dims.vertex_count
+    }
+}
+
+/// Where a kernel puts vertices.
+pub(super) struct Writer<'w> {
+    positions: Attribute,
+    /// Where, and whether in the second buffer.
+    normals: Option<(Attribute, bool)>,
+    first: &'w mut [f32],
+    second: &'w mut [f32],
+}
+
+impl Writer<'_> {
+    #[inline(always)]
+    pub(super) fn wants_normals(&self) -> bool {
+        self.normals.is_some()
+    }
+
+    #[inline(always)]
+    pub(super) fn put_position(&mut self, vertex: usize, value: [f32; 3]) {
+        put(self.first, self.positions, vertex, value);
+    }
+
+    #[inline(always)]
+    pub(super) fn put_normal(&mut self, vertex: usize, value: [f32; 3]) {
+        if let Some((attribute, apart)) = self.normals {
+            let buffer = if apart {
+                &mut *self.second
+            } else {
+                &mut *self.first
+            };
+            put(buffer, attribute, vertex, value);
+        }
+    }
+}
+
+#[inline(always)]
+fn put(buffer: &mut [f32], attribute: Attribute, vertex: usize, value: [f32; 3]) {
+    let at = vertex * attribute.stride + attribute.offset;
+    let slot = buffer.get_mut(at..).and_then(<[f32]>::first_chunk_mut);
+    if let Some(slot) = slot {
+        *slot = value;
     }
 }
 

@@ -1,7 +1,7 @@
 //! Skinning of meshes that were not baked: the caller's own arrays, any number of influences.
 
 use super::output::{Output, SizeError};
-use crate::math::{Affine12, inverse_sqrt};
+use crate::math::{Affine12, rough_inverse_sqrt};
 
 /// A mesh in the caller's arrays.
 #[derive(Clone, Copy, Debug)]
@@ -78,6 +78,7 @@ impl<'m> PlainMesh<'m> {
 /// `palette: [binds]`. Baked blocks are faster; this is for meshes that change too often to bake.
 /// An output made for fewer vertices gets those. O(vertices x influences)
 pub fn skin_plain(mesh: &PlainMesh<'_>, palette: &[Affine12], output: &mut Output<'_>) {
+    let mut output = output.writer();
     let rows = mesh.binds.chunks_exact(mesh.influences.max(1));
     let rows = rows.zip(mesh.weights.chunks_exact(mesh.influences.max(1)));
     for (vertex, (&position, (binds, weights))) in mesh.positions.iter().zip(rows).enumerate() {
@@ -93,7 +94,7 @@ pub fn skin_plain(mesh: &PlainMesh<'_>, palette: &[Affine12], output: &mut Outpu
         if let Some(&normal) = mesh.normals.get(vertex) {
             let turned = crate::math::transform_vector(&matrix, normal);
             let [x, y, z] = turned;
-            let factor = inverse_sqrt(x * x + y * y + z * z + super::skin::SMALLEST_LENGTH2);
+            let factor = rough_inverse_sqrt(x * x + y * y + z * z + super::skin::SMALLEST_LENGTH2);
             output.put_normal(vertex, turned.map(|value| value * factor));
         }
     }

@@ -5,13 +5,16 @@
 
 pub mod atomic;
 mod body;
+pub mod c3d;
 mod error;
 pub mod gif;
 pub mod glb;
+pub mod marker_csv;
 pub mod npy;
 pub mod plot;
 pub mod png;
 pub mod render;
+pub mod trc;
 
 pub use atomic::write_atomic;
 pub use body::write_glb_of;

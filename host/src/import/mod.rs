@@ -6,12 +6,18 @@
 //! [`Notice`]. Whether the parts agree with each other is checked once, in [`crate::model`].
 
 mod bvh;
+pub mod c3d;
 mod error;
 pub mod gltf;
+pub mod marker_csv;
+pub mod motive_csv;
 mod obj;
 mod raw;
 mod select;
+mod table;
+pub mod take;
 mod text;
+pub mod trc;
 
 pub use bvh::{BvhOptions, BvhPositions, read_bvh, read_bvh_with};
 pub use error::{ImportError, ImportErrorKind, Notice, Place};

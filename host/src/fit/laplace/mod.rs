@@ -13,7 +13,7 @@ pub mod repair;
 pub mod rotations;
 mod surface;
 
-pub use collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse};
+pub use collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse, collapse_within};
 pub use error::{Component, LaplaceError};
 pub use rotations::MarkerTarget;
 pub use surface::{ExactTables, Surface, SurfaceOptions};
