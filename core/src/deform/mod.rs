@@ -5,12 +5,8 @@
 //! same bits.
 
 mod lanes;
-<<<<<<< HEAD
 pub mod laplacian;
-=======
-mod level;
 mod linear;
->>>>>>> main
 mod output;
 mod plain;
 mod skin;

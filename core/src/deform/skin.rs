@@ -80,7 +80,7 @@ pub(super) struct Slots<'a> {
 }
 
 fn scalar<B: Blend>(job: &Job<'_, '_, B>, output: &mut Output<'_>) {
-    blocks_by::<[f32; 2], _, _>((), job, &mut Strided::new(job.asset, output));
+    blocks_by::<[f32; 2], _, _>((), job, &mut Strided::new(job.asset.source_order(), output));
 }
 
 #[cfg(feature = "simd")]
@@ -104,10 +104,10 @@ fn by_width<S: fearless_simd::Simd, B: Blend>(
 fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Job<'_, '_, B>, output: &mut Output<'_>) {
     if let Some(mut store) = Packed::new(output) {
         blocks_by::<L, _, _>(token, job, &mut store);
-    } else if let Some(mut store) = Scattered::new(job.asset, output) {
+    } else if let Some(mut store) = Scattered::new(job.asset.source_order(), output) {
         blocks_by::<L, _, _>(token, job, &mut store);
     } else {
-        blocks_by::<L, _, _>(token, job, &mut Strided::new(job.asset, output));
+        blocks_by::<L, _, _>(token, job, &mut Strided::new(job.asset.source_order(), output));
     }
 }
 
@@ -319,7 +319,7 @@ fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
 }
 
 #[inline(always)]
-fn to_unit_length<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [L; 3] {
+pub(super) fn to_unit_length<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [L; 3] {
     let length2 = x.mul(x).add(y.mul(y)).add(z.mul(z));
     // A normal blended to nothing stays nothing instead of becoming infinite.
     let factor = length2
@@ -330,71 +330,3 @@ fn to_unit_length<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [L; 3] {
 
 /// Added to squared lengths: far below one, far above where a reciprocal would overflow.
 pub(super) const SMALLEST_LENGTH2: f32 = 1e-20;
-<<<<<<< HEAD
-
-#[derive(Default)]
-struct Skinned {
-    positions: Lanes3,
-    normals: Lanes3,
-}
-
-/// The blended matrix of each lane.
-#[inline(always)]
-fn blend<L: Lanes>(
-    token: L::Token,
-    asset: &Asset<'_>,
-    palette: &[Affine12],
-    block: usize,
-    first: usize,
-) -> [L; 12] {
-    let row = |bind: u16| palette.get(usize::from(bind)).unwrap_or(&IDENTITY);
-    let mut slots = asset.slots(block);
-    let Some((bind, weights)) = slots.next() else {
-        return IDENTITY.map(|value| L::splat(token, value));
-    };
-    let Some((second, second_weights)) = slots.next() else {
-        // One bind: its weight is one.
-        return row(bind).map(|value| L::splat(token, value));
-    };
-    let weight = |weights: &[u16; LANES]| L::load_weights(token, weights, first);
-    let (one, two) = (weight(weights), weight(second_weights));
-    let (row_one, row_two) = (row(bind), row(second));
-    let mut sum = row_one.map(|value| L::splat(token, value).mul(one));
-    for (sum, &value) in sum.iter_mut().zip(row_two) {
-        *sum = sum.add(L::splat(token, value).mul(two));
-    }
-    for (bind, weights) in slots {
-        let weight = weight(weights);
-        for (sum, &value) in sum.iter_mut().zip(row(bind)) {
-            *sum = sum.add(L::splat(token, value).mul(weight));
-        }
-    }
-    let unit = L::splat(token, 1.0 / WEIGHT_ONE as f32);
-    sum.map(|value| value.mul(unit))
-}
-
-/// Writes the lanes of a block to their vertices.
-#[inline(always)]
-pub(super) fn scatter(
-    lanes: &Lanes3,
-    lane_count: usize,
-    first_vertex: usize,
-    order: Option<&[u32]>,
-    attribute: Attribute,
-    buffer: &mut [f32],
-) {
-    let [x, y, z] = lanes;
-    let lanes = x.iter().zip(y).zip(z).take(lane_count);
-    for (lane, ((&x, &y), &z)) in lanes.enumerate() {
-        let vertex = match order {
-            Some(order) => order.get(lane).map_or(0, |&source| source as usize),
-            None => first_vertex + lane,
-        };
-        let at = vertex * attribute.stride + attribute.offset;
-        if let Some([to_x, to_y, to_z]) = buffer.get_mut(at..).and_then(<[f32]>::first_chunk_mut) {
-            (*to_x, *to_y, *to_z) = (x, y, z);
-        }
-    }
-}
-=======
->>>>>>> main

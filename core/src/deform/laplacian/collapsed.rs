@@ -9,8 +9,11 @@ use core::borrow::BorrowMut;
 use core::ops::Range;
 
 use super::super::lanes::Lanes;
-use super::super::output::{Output, SizeError, VertexOrder};
-use super::super::skin::scatter;
+use super::super::output::{Output, SizeError};
+use super::super::skin::to_unit_length;
+use super::super::store::{Store, Strided};
+#[cfg(feature = "simd")]
+use super::super::store::{Packed, Scattered};
 use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, marker_frame};
 use super::{LaplacianError, collapsed_check};
 use crate::Level;
@@ -200,13 +203,24 @@ impl<'a> Collapsed<'a> {
         level: Level,
         output: &mut Output<'_>,
     ) {
+        let end = blocks.end.min(self.block_count());
+        let blocks = blocks.start.min(end)..end;
         match level {
-            Level::Scalar => self.blocks_by::<f32>((), handles, blocks, output),
+            Level::Scalar => self.scalar(handles, blocks, output),
             #[cfg(feature = "simd")]
             Level::Simd(level) => {
-                fearless_simd::dispatch!(level, simd => self.by_width(simd, handles, blocks, output));
+                // Vector kernels write whole blocks; the last one may be short.
+                let middle = (self.vertex_count() / LANES).clamp(blocks.start, blocks.end);
+                let (first, last) = (blocks.start..middle, middle..blocks.end);
+                fearless_simd::dispatch!(level, simd => self.by_width(simd, handles, first, output));
+                self.scalar(handles, last, output);
             }
         }
+    }
+
+    fn scalar(&self, handles: &[Affine12], blocks: Range<usize>, output: &mut Output<'_>) {
+        let mut store = Strided::new(self.parts.order, output);
+        self.blocks_by::<[f32; 2], _>((), handles, blocks, &mut store);
     }
 
     #[cfg(feature = "simd")]
@@ -220,49 +234,48 @@ impl<'a> Collapsed<'a> {
     ) {
         use fearless_simd::SimdBase;
         if S::f32s::LEN >= LANES {
-            self.blocks_by::<fearless_simd::f32x8<S>>(simd, handles, blocks, output);
+            self.by_layout::<fearless_simd::f32x8<S>>(simd, handles, blocks, output);
         } else {
-            self.blocks_by::<fearless_simd::f32x4<S>>(simd, handles, blocks, output);
+            self.by_layout::<fearless_simd::f32x4<S>>(simd, handles, blocks, output);
         }
     }
 
+    #[cfg(feature = "simd")]
     #[inline(always)]
-    fn blocks_by<L: Lanes>(
+    fn by_layout<L: Lanes>(
         &self,
         token: L::Token,
         handles: &[Affine12],
         blocks: Range<usize>,
         output: &mut Output<'_>,
     ) {
-        let wants_normals = output.normals.is_some() && !self.parts.rest_normals.is_empty();
-        for block in blocks.start..blocks.end.min(self.block_count()) {
-            let (mut positions, mut normals) = (Lanes3::default(), Lanes3::default());
+        let order = self.parts.order;
+        if let Some(mut store) = Packed::new(output) {
+            self.blocks_by::<L, _>(token, handles, blocks, &mut store);
+        } else if let Some(mut store) = Scattered::new(order, output) {
+            self.blocks_by::<L, _>(token, handles, blocks, &mut store);
+        } else {
+            self.blocks_by::<L, _>(token, handles, blocks, &mut Strided::new(order, output));
+        }
+    }
+
+    #[inline(always)]
+    fn blocks_by<L: Lanes, S: Store>(
+        &self,
+        token: L::Token,
+        handles: &[Affine12],
+        blocks: Range<usize>,
+        store: &mut S,
+    ) {
+        let wants_normals = store.wants_normals() && !self.parts.rest_normals.is_empty();
+        for block in blocks {
             for first in (0..LANES).step_by(L::WIDTH) {
                 let sums = self.positions::<L>(token, handles, block, first);
-                for (axis, sum) in positions.iter_mut().zip(sums) {
-                    sum.store(axis, first);
-                }
+                store.positions(block, first, sums);
                 if wants_normals {
                     let sums = self.normals::<L>(token, handles, block, first);
-                    for (axis, sum) in normals.iter_mut().zip(sums) {
-                        sum.store(axis, first);
-                    }
+                    store.normals(block, first, to_unit_length(token, sums));
                 }
-            }
-            let first_vertex = block * LANES;
-            let lanes = self.vertex_count().saturating_sub(first_vertex).min(LANES);
-            let order = match output.order {
-                VertexOrder::Source => self.parts.order.get(first_vertex..first_vertex + lanes),
-                VertexOrder::Block => None,
-            };
-            let (attribute, buffer) = output.positions;
-            if let Some(buffer) = output.buffers.get_mut(buffer) {
-                scatter(&positions, lanes, first_vertex, order, attribute, buffer);
-            }
-            if let Some((attribute, buffer)) = output.normals.filter(|_| wants_normals)
-                && let Some(buffer) = output.buffers.get_mut(buffer)
-            {
-                scatter(&normals, lanes, first_vertex, order, attribute, buffer);
             }
         }
     }
@@ -295,22 +308,25 @@ impl<'a> Collapsed<'a> {
         let mut sums = [L::splat(token, 0.0); 3];
         for (handle, coefficients) in self.slots(block) {
             let matrix = handles.get(usize::from(handle)).unwrap_or(&IDENTITY);
-            let [b, c, d, n] = coefficients
-                .each_ref()
-                .map(|lanes| L::load(token, lanes, first));
+            let [b, c, d, n] = coefficients;
+            let [b, c, d, n] = [
+                L::load(token, b, first),
+                L::load(token, c, first),
+                L::load(token, d, first),
+                L::load(token, n, first),
+            ];
             for (sum, &[x, y, z, t]) in sums.iter_mut().zip(matrix.as_chunks::<4>().0) {
-                let splat = |value| L::splat(token, value);
                 *sum = sum
-                    .add(splat(x).mul(b))
-                    .add(splat(y).mul(c))
-                    .add(splat(z).mul(d))
-                    .add(splat(t).mul(n));
+                    .add(L::splat(token, x).mul(b))
+                    .add(L::splat(token, y).mul(c))
+                    .add(L::splat(token, z).mul(d))
+                    .add(L::splat(token, t).mul(n));
             }
         }
         sums
     }
 
-    /// Rest normals turned by `sum_k n_k R_k`, at unit length.
+    /// Rest normals turned by `sum_k n_k R_k`, not of unit length.
     #[inline(always)]
     fn normals<L: Lanes>(
         &self,
@@ -321,24 +337,23 @@ impl<'a> Collapsed<'a> {
     ) -> [L; 3] {
         let rest = self.parts.rest_normals.get(block);
         let rest = rest.copied().unwrap_or_default();
-        let [nx, ny, nz] = rest.each_ref().map(|axis| L::load(token, axis, first));
+        let [nx, ny, nz] = [
+            L::load(token, &rest[0], first),
+            L::load(token, &rest[1], first),
+            L::load(token, &rest[2], first),
+        ];
         let mut sums = [L::splat(token, 0.0); 3];
         for (handle, [_, _, _, share]) in self.slots(block) {
             let matrix = handles.get(usize::from(handle)).unwrap_or(&IDENTITY);
             let share = L::load(token, share, first);
             let (nx, ny, nz) = (nx.mul(share), ny.mul(share), nz.mul(share));
             for (sum, &[x, y, z, _]) in sums.iter_mut().zip(matrix.as_chunks::<4>().0) {
-                let splat = |value| L::splat(token, value);
                 *sum = sum
-                    .add(splat(x).mul(nx))
-                    .add(splat(y).mul(ny))
-                    .add(splat(z).mul(nz));
+                    .add(L::splat(token, x).mul(nx))
+                    .add(L::splat(token, y).mul(ny))
+                    .add(L::splat(token, z).mul(nz));
             }
         }
-        let [x, y, z] = sums;
-        let length2 = x.mul(x).add(y.mul(y)).add(z.mul(z));
-        let floor = L::splat(token, super::super::skin::SMALLEST_LENGTH2);
-        let factor = length2.add(floor).inverse_sqrt(token);
-        sums.map(|axis| axis.mul(factor))
+        sums
     }
 }

@@ -130,6 +130,7 @@ impl<'a> Exact<'a> {
         if output.vertex_count() != rows {
             return Err(short("output", rows, output.vertex_count()));
         }
+        let mut to = output.writer();
         let workspace = workspace.get_mut(..needed);
         let workspace = workspace.ok_or(short("workspace", needed, found))?;
         let rows4: &mut [Row4] = workspace.as_chunks_mut().0;
@@ -156,7 +157,7 @@ impl<'a> Exact<'a> {
         for (row, (turned, output_row)) in turned.iter_mut().zip(self.parts.order).enumerate() {
             let matrix = frame(*turned, [0.0; 3]);
             if let Some(&normal) = rest_normals.get(row) {
-                output.put_normal(*output_row as usize, transform_vector(&matrix, normal));
+                to.put_normal(*output_row as usize, transform_vector(&matrix, normal));
             }
             let differential = self.parts.differential.get(row);
             let [x, y, z, _] = differential.copied().unwrap_or_default();
@@ -172,7 +173,7 @@ impl<'a> Exact<'a> {
             }
         }
         for (&[x, y, z, _], &vertex) in position.iter().zip(self.parts.order) {
-            output.put_position(vertex as usize, [x, y, z]);
+            to.put_position(vertex as usize, [x, y, z]);
         }
         Ok(report)
     }

@@ -21,6 +21,3 @@ pub use collapsed::{Collapsed, CollapsedParts};
 pub use error::{LaplacianError, Table};
 pub use exact::{Exact, ExactParts, exact_workspace_len};
 pub use turns::{MarkerPose, TurnReport, TurnState, turn_state_len};
-
-#[cfg(test)]
-mod tests;

@@ -148,6 +148,3 @@ pub const fn triangle_quads(width: usize) -> usize {
     let groups = width.div_ceil(4);
     2 * groups * (groups + 1)
 }
-
-#[cfg(test)]
-mod tests;

@@ -1,8 +1,7 @@
-extern crate std;
+//! The core's sparse solver on a factor given as a formula.
 
-use std::vec::Vec;
-
-use super::*;
+use sinew_core::Level;
+use sinew_core::solve::sparse::{Factor, FactorError, FactorParts, PADDING, Row4};
 
 /// Two separate blocks (rows 0..5 and 5..7) that both reach into the last one (rows 7..12).
 const COLUMNS: [u32; 4] = [0, 5, 7, 12];
@@ -42,7 +41,7 @@ impl Arrays {
 
 fn pack() -> Arrays {
     let mut arrays = Arrays {
-        panels: std::vec![0],
+        panels: vec![0],
         rows: Vec::new(),
         values: Vec::new(),
     };
@@ -99,7 +98,7 @@ fn multiply(x: &[[f64; 4]; SIZE], transposed: bool) -> [[f64; 4]; SIZE] {
 }
 
 fn systems() -> (Vec<Row4>, Vec<Row4>, Vec<Row4>, [[f64; 4]; SIZE]) {
-    let x = core::array::from_fn(|row| core::array::from_fn(|lane| truth(row, lane)));
+    let x = std::array::from_fn(|row| std::array::from_fn(|lane| truth(row, lane)));
     let narrow = |rows: [[f64; 4]; SIZE]| rows.iter().map(|row| row.map(|x| x as f32)).collect();
     let upper = multiply(&x, true);
     (
@@ -145,7 +144,7 @@ fn every_level_gives_the_same_bits() {
 fn a_right_hand_side_of_another_length_is_left_alone() {
     let arrays = pack();
     let factor = Factor::new_checked(arrays.parts()).expect("sound");
-    let mut x = std::vec![[1.0; 4]; SIZE - 1];
+    let mut x = vec![[1.0; 4]; SIZE - 1];
     factor.solve(&mut x, Level::best());
     assert!(x.iter().all(|row| *row == [1.0; 4]));
 }
