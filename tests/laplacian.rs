@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use sinew_host::fit::laplace::graph::Graph;
+use sinew_host::fit::laplace::suggest::suggest;
 use sinew_host::fit::laplace::{MarkerTarget, Surface, SurfaceOptions};
 use sinew_host::fit::{Correspondence, Options, retarget};
 use sinew_host::model::{Avatar, Clip, Motion};
@@ -56,6 +57,26 @@ impl Scan {
         let markers = graph.spread(&[0], count);
         let surface = Surface::new(positions, triangles, markers, options).expect("factors");
         Self { body, surface }
+    }
+
+    /// `count` markers placed where they do most good in poses of a clip.
+    ///
+    /// # Panics
+    /// Where the system cannot be factored.
+    #[must_use]
+    pub fn suggested(body: Avatar, clips: &[&Clip], count: usize) -> Self {
+        let mut scan = Self::new(body, count, &SurfaceOptions::default());
+        let mut poses = Vec::new();
+        for clip in clips {
+            poses.extend((0..4).map(|k| scan.at(clip, clip.duration * f64::from(k) / 4.0).0));
+        }
+        let mesh = &scan.body.mesh;
+        let (positions, triangles) = (&mesh.positions, &mesh.triangles);
+        let options = SurfaceOptions::default();
+        let markers = suggest(positions, triangles, &poses, count, &options).expect("suggests");
+        scan.surface =
+            Surface::new(positions.clone(), triangles, markers, &options).expect("factors");
+        scan
     }
 
     /// The true surface and its markers at a time of a clip.
@@ -120,8 +141,10 @@ pub fn subdivided(body: &Avatar) -> Avatar {
             *middle_of.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 let mesh = &mut fine.mesh;
                 let (i, j) = (a as usize, b as usize);
-                mesh.positions.push((mesh.positions[i] + mesh.positions[j]) / 2.0);
-                mesh.normals.push((mesh.normals[i] + mesh.normals[j]).normalize_or(DVec3::Y));
+                mesh.positions
+                    .push((mesh.positions[i] + mesh.positions[j]) / 2.0);
+                mesh.normals
+                    .push((mesh.normals[i] + mesh.normals[j]).normalize_or(DVec3::Y));
                 let mut weights = std::collections::BTreeMap::new();
                 for vertex in [i, j] {
                     for &(bind, weight) in &body.skin.influences[vertex] {

@@ -7,8 +7,8 @@
 pub mod body;
 pub mod budgets;
 pub mod gltf_oracle;
-pub mod laplacian;
 pub mod human;
+pub mod laplacian;
 
 use std::path::{Path, PathBuf};
 

@@ -288,10 +288,16 @@ mod tests {
         let (x, y) = ([s, 0.0, 0.0, s], [0.0, s, 0.0, s]);
         // A quarter turn about x takes y to z, which one about y then takes to x.
         let turn = affine(quat_product(y, x), [0.0; 3], [1.0; 3]);
-        for (got, want) in transform_point(&turn, [0.0, 1.0, 0.0]).iter().zip([1.0, 0.0, 0.0]) {
+        for (got, want) in transform_point(&turn, [0.0, 1.0, 0.0])
+            .iter()
+            .zip([1.0, 0.0, 0.0])
+        {
             assert!((got - want).abs() < 1e-6);
         }
-        for (got, want) in quat_product(conjugate(x), x).iter().zip([0.0, 0.0, 0.0, 1.0]) {
+        for (got, want) in quat_product(conjugate(x), x)
+            .iter()
+            .zip([0.0, 0.0, 0.0, 1.0])
+        {
             assert!((got - want).abs() < 1e-6);
         }
     }

@@ -9,14 +9,10 @@ use std::time::Instant;
 use glam::{DQuat, DVec3};
 use sinew_core::Level;
 use sinew_core::asset::Dims;
-use sinew_core::deform::laplacian::{
-    MarkerPose, TurnState, exact_workspace_len, turn_state_len,
-};
+use sinew_core::deform::laplacian::{MarkerPose, TurnState, exact_workspace_len, turn_state_len};
 use sinew_core::deform::{Output, PlainMesh, skin_plain};
 use sinew_host::fit::laplace::graph::Graph;
-use sinew_host::fit::laplace::{
-    CollapseOptions, MarkerTarget, Surface, SurfaceOptions, collapse,
-};
+use sinew_host::fit::laplace::{CollapseOptions, MarkerTarget, Surface, SurfaceOptions, collapse};
 
 const ROUNDS: usize = 15;
 const MARKERS: usize = 50;
@@ -113,9 +109,17 @@ fn row(vertices: usize) {
     };
     let [solve, faer, read] = medians([&mut solve, &mut faer, &mut read]);
 
-    let fit: Vec<_> = (0..12).map(|k| targets(&surface, f64::from(k - 6) * 0.1)).collect();
+    let fit: Vec<_> = (0..12)
+        .map(|k| targets(&surface, f64::from(k - 6) * 0.1))
+        .collect();
     let normals = vec![DVec3::Y; count];
-    let collapsed = collapse(&surface, &triangles, &normals, &fit, &CollapseOptions::default());
+    let collapsed = collapse(
+        &surface,
+        &triangles,
+        &normals,
+        &fit,
+        &CollapseOptions::default(),
+    );
     let collapsed = collapsed.expect("fits");
     let collapsed = collapsed.collapsed().expect("sound");
     let poses: Vec<MarkerPose> = targets(&surface, 0.5)
@@ -150,17 +154,21 @@ fn row(vertices: usize) {
         collapsed.blocks(&handles, 0..usize::MAX, level, &mut output_two);
     };
     // Eight influences on every vertex, in a plain loop over vertices.
-    let plain_positions: Vec<[f32; 3]> =
-        surface.positions.iter().map(|p| p.as_vec3().to_array()).collect();
+    let plain_positions: Vec<[f32; 3]> = surface
+        .positions
+        .iter()
+        .map(|p| p.as_vec3().to_array())
+        .collect();
     let plain_normals = vec![[0.0, 1.0, 0.0]; count];
-    let binds: Vec<u16> = (0..8 * count).map(|k| (k % 8 + k / (64 * count / MARKERS)) as u16 % 50).collect();
+    let binds: Vec<u16> = (0..8 * count)
+        .map(|k| (k % 8 + k / (64 * count / MARKERS)) as u16 % 50)
+        .collect();
     let weights = vec![0.125; 8 * count];
     let palette = vec![sinew_core::math::IDENTITY; MARKERS];
     let mesh = PlainMesh::new(&plain_positions, &plain_normals, &binds, &weights, 8);
     let mesh = mesh.expect("lengths fit");
     let mut skinned = || skin_plain(&mesh, black_box(&palette), &mut output_three);
-    let [whole, stream, skinning] =
-        medians([&mut exact_frame, &mut collapsed_frame, &mut skinned]);
+    let [whole, stream, skinning] = medians([&mut exact_frame, &mut collapsed_frame, &mut skinned]);
 
     println!(
         "wall_laplace_{count:<6} factor {:6.2} MB  solve {:6.2} ms  faer / solve {:5.2}  solve / read twice {:5.2}  | \

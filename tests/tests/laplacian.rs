@@ -106,7 +106,8 @@ impl<'t> CollapsedRig<'t> {
 
 fn vertices(numbers: &[f32]) -> Vec<DVec3> {
     let rows = numbers.as_chunks::<3>().0.iter();
-    rows.map(|row| DVec3::from_array(row.map(f64::from))).collect()
+    rows.map(|row| DVec3::from_array(row.map(f64::from)))
+        .collect()
 }
 
 fn distances(found: &[DVec3], truth: &[DVec3]) -> CollapseReport {
@@ -179,7 +180,10 @@ fn the_core_agrees_with_the_oracle() {
         assert!(error.max < 2e-6, "{error:?}");
         let mut rig = CollapsedRig::new(&collapsed);
         rig.step(&poses(targets));
-        let error = distances(&vertices(&rig.positions), &collapsed.positions(&surface, targets));
+        let error = distances(
+            &vertices(&rig.positions),
+            &collapsed.positions(&surface, targets),
+        );
         assert!(error.max < 2e-6, "{error:?}");
     }
 }
@@ -217,7 +221,10 @@ struct Moves {
 }
 
 /// Twists through 720 degrees and back, then the other way.
-fn twist_moves(surface: &Surface, mut step: impl FnMut(&[MarkerPose]) -> (TurnReport, Vec<DVec3>)) -> Moves {
+fn twist_moves(
+    surface: &Surface,
+    mut step: impl FnMut(&[MarkerPose]) -> (TurnReport, Vec<DVec3>),
+) -> Moves {
     let mut last: Option<Vec<DVec3>> = None;
     let (mut largest, mut sum, mut frames, mut rebased) = (0.0_f64, 0.0, 0.0, 0);
     let mut smallest_radius = f64::INFINITY;
@@ -311,7 +318,11 @@ fn collapsed_surfaces_reproduce_rigid_motion_and_the_rest_pose() {
     let targets: Vec<_> = targets.collect();
     let mut rig = CollapsedRig::new(&collapsed);
     rig.step(&poses(&targets));
-    let truth: Vec<_> = surface.positions.iter().map(|&p| turn * p + shift).collect();
+    let truth: Vec<_> = surface
+        .positions
+        .iter()
+        .map(|&p| turn * p + shift)
+        .collect();
     let error = distances(&vertices(&rig.positions), &truth);
     assert!(error.max < 1e-5, "{error:?}");
     for (found, &normal) in vertices(&rig.normals).iter().zip(&normals) {
@@ -329,12 +340,17 @@ fn a_component_without_a_marker_is_named() {
     let error = Surface::new(positions, &triangles, vec![0], &options).expect_err("refused");
     assert!(matches!(&error, LaplaceError::Unmarked { components }
         if components.len() == 1 && components[0].vertex == first));
-    assert!(error.to_string().contains("3 vertices from vertex 80 on"), "{error}");
+    assert!(
+        error.to_string().contains("3 vertices from vertex 80 on"),
+        "{error}"
+    );
 }
 
 fn sample(scan: &Scan, clip: &Clip, count: u32) -> Vec<(Vec<DVec3>, Vec<MarkerTarget>)> {
     let step = clip.duration / f64::from(count);
-    (0..count).map(|k| scan.at(clip, step * (f64::from(k) + 0.5))).collect()
+    (0..count)
+        .map(|k| scan.at(clip, step * (f64::from(k) + 0.5)))
+        .collect()
 }
 
 /// Exact against the oracle and against the body; three ways to find rotations.
@@ -345,7 +361,13 @@ fn body_table(markers: usize, clips: &[(&str, Clip)], scan: &Scan, frames: u32) 
         .surface
         .distances
         .iter()
-        .map(|row| scan.surface.markers.iter().map(|&v| row[v as usize]).collect())
+        .map(|row| {
+            scan.surface
+                .markers
+                .iter()
+                .map(|&v| row[v as usize])
+                .collect()
+        })
         .collect();
     let near = nearest_markers(&between, 6);
     let (mut worst, mut all) = (0.0_f64, Vec::new());
@@ -372,12 +394,24 @@ fn body_table(markers: usize, clips: &[(&str, Clip)], scan: &Scan, frames: u32) 
             };
             push(&mut own, &oracle);
             push(&mut fit, &with(by_neighbours(&rest, &posed, &near)));
-            push(&mut tree, &with(by_spanning_tree(&rest, &posed, &scan.surface.marker_edges)));
+            push(
+                &mut tree,
+                &with(by_spanning_tree(&rest, &posed, &scan.surface.marker_edges)),
+            );
         }
         all.extend_from_slice(&own);
-        show(&format!("{name}, {markers} markers, template's rotations"), &CollapseReport::new(own));
-        show(&format!("{name}, {markers} markers, nearest six markers"), &CollapseReport::new(fit));
-        show(&format!("{name}, {markers} markers, spanning tree"), &CollapseReport::new(tree));
+        show(
+            &format!("{name}, {markers} markers, template's rotations"),
+            &CollapseReport::new(own),
+        );
+        show(
+            &format!("{name}, {markers} markers, nearest six markers"),
+            &CollapseReport::new(fit),
+        );
+        show(
+            &format!("{name}, {markers} markers, spanning tree"),
+            &CollapseReport::new(tree),
+        );
     }
     println!("core against oracle: {:.5} mm", 1e3 * worst);
     [worst, CollapseReport::new(all).mean]
@@ -402,7 +436,17 @@ fn tables_of_the_exact_mode() {
         let [core, _] = body_table(markers, &clips, &scan, 12);
         assert!(core <= 0.05e-3);
     }
-    let fine = Scan::new(sinew_tests::laplacian::subdivided(&bundled_body()), 50, &SurfaceOptions::default());
+    // Markers placed on the bundled clips; the other recordings were not seen.
+    let spread = Scan::new(bundled_body(), 50, &SurfaceOptions::default());
+    let seen = clips(&spread);
+    let scan = Scan::suggested(bundled_body(), &[&seen[0].1, &seen[1].1], 50);
+    println!("suggested markers");
+    body_table(50, &seen, &scan, 12);
+    let fine = Scan::new(
+        sinew_tests::laplacian::subdivided(&bundled_body()),
+        50,
+        &SurfaceOptions::default(),
+    );
     println!("{} vertices", fine.surface.positions.len());
     let walk = fitted(&root().join("examples/data/walk.bvh"), &fine.body);
     let [core, _] = body_table(50, &[("walk", walk)], &fine, 3);
@@ -411,8 +455,14 @@ fn tables_of_the_exact_mode() {
 
 fn clips(scan: &Scan) -> Vec<(&'static str, Clip)> {
     let mut clips = vec![
-        ("walk", fitted(&root().join("examples/data/walk.bvh"), &scan.body)),
-        ("kneel", fitted(&root().join("examples/data/kneel.bvh"), &scan.body)),
+        (
+            "walk",
+            fitted(&root().join("examples/data/walk.bvh"), &scan.body),
+        ),
+        (
+            "kneel",
+            fitted(&root().join("examples/data/kneel.bvh"), &scan.body),
+        ),
     ];
     for name in ["bvh/cmu_12_01_walk.bvh", "bvh/cmu_01_01.bvh"] {
         if let Some(path) = shared(name) {
@@ -440,15 +490,24 @@ fn tables_of_the_collapsed_mode() {
                 }
             }
         }
-        for (virtual_handles, handles_a_block) in [(0, 8), (100, 8), (100, 12), (150, 12), (100, 16)] {
+        for (virtual_handles, handles_a_block) in
+            [(0, 8), (100, 8), (100, 12), (150, 12), (100, 16)]
+        {
             let options = CollapseOptions {
                 virtual_handles,
                 handles_a_block,
                 ..CollapseOptions::default()
             };
-            let tables = collapse(&scan.surface, &mesh.triangles, &mesh.normals, &fit, &options);
+            let tables = collapse(
+                &scan.surface,
+                &mesh.triangles,
+                &mesh.normals,
+                &fit,
+                &options,
+            );
             let report = tables.expect("fits").compare(&scan.surface, &held_out);
-            let what = format!("{markers} markers, {virtual_handles} virtual, {handles_a_block} a block");
+            let what =
+                format!("{markers} markers, {virtual_handles} virtual, {handles_a_block} a block");
             show(&what, &report);
         }
         for left_out in 0..clips.len() {
@@ -460,14 +519,23 @@ fn tables_of_the_collapsed_mode() {
             let (name, clip) = &clips[left_out];
             let held_out: Vec<_> = sample(&scan, clip, 20).into_iter().map(|x| x.1).collect();
             let options = CollapseOptions::default();
-            let tables = collapse(&scan.surface, &mesh.triangles, &mesh.normals, &fit, &options);
+            let tables = collapse(
+                &scan.surface,
+                &mesh.triangles,
+                &mesh.normals,
+                &fit,
+                &options,
+            );
             let report = tables.expect("fits").compare(&scan.surface, &held_out);
             show(&format!("{markers} markers, all but {name}"), &report);
         }
         let (surface, normals) = (&scan.surface, &mesh.normals);
         let found = collapse_within(surface, &mesh.triangles, normals, &fit, &held_out, 3e-3);
         let (_, options, report) = found.expect("fits");
-        show(&format!("{} handles a block for 3 mm", options.handles_a_block), &report);
+        show(
+            &format!("{} handles a block for 3 mm", options.handles_a_block),
+            &report,
+        );
         assert!(report.mean <= 0.5e-3 && report.percentile_99 <= 3e-3 && report.max <= 8e-3);
     }
 }

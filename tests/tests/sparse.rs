@@ -111,7 +111,9 @@ fn systems() -> (Vec<Row4>, Vec<Row4>, Vec<Row4>, [[f64; 4]; SIZE]) {
 
 fn worst(found: &[Row4], truth: &[[f64; 4]; SIZE]) -> f64 {
     let pairs = found.as_flattened().iter().zip(truth.as_flattened());
-    pairs.fold(0.0, |worst: f64, (&a, &b)| worst.max((f64::from(a) - b).abs()))
+    pairs.fold(0.0, |worst: f64, (&a, &b)| {
+        worst.max((f64::from(a) - b).abs())
+    })
 }
 
 #[test]
@@ -136,7 +138,12 @@ fn every_level_gives_the_same_bits() {
     let mut other = one.clone();
     factor.solve(&mut one, Level::Scalar);
     factor.solve(&mut other, Level::best());
-    let bits = |rows: &[Row4]| rows.as_flattened().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let bits = |rows: &[Row4]| {
+        rows.as_flattened()
+            .iter()
+            .map(|x| x.to_bits())
+            .collect::<Vec<_>>()
+    };
     assert_eq!(bits(&one), bits(&other));
 }
 
@@ -158,7 +165,9 @@ fn an_empty_system_is_sound() {
         rows: &[],
         values: &[],
     };
-    Factor::new_checked(parts).expect("sound").solve(&mut [], Level::best());
+    Factor::new_checked(parts)
+        .expect("sound")
+        .solve(&mut [], Level::best());
 }
 
 #[test]

@@ -107,7 +107,11 @@ fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Job<'_, '_, B>, output: 
     } else if let Some(mut store) = Scattered::new(job.asset.source_order(), output) {
         blocks_by::<L, _, _>(token, job, &mut store);
     } else {
-        blocks_by::<L, _, _>(token, job, &mut Strided::new(job.asset.source_order(), output));
+        blocks_by::<L, _, _>(
+            token,
+            job,
+            &mut Strided::new(job.asset.source_order(), output),
+        );
     }
 }
 

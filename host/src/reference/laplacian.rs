@@ -33,7 +33,10 @@ pub fn rotations(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DQuat> {
         field[vertex as usize] = rotation.to_array();
     }
     surface.harmonic.solve_vectors(&mut field);
-    field.into_iter().map(|q| DQuat::from_array(q).normalize()).collect()
+    field
+        .into_iter()
+        .map(|q| DQuat::from_array(q).normalize())
+        .collect()
 }
 
 /// Equation 2 with mass weights: `(L' M^-1 L + A) v = L' M^-1 (q d q*) + A p`. `[vertices]`,
@@ -48,9 +51,16 @@ pub fn positions(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
         .zip(&laplacian.mass)
         .map(|((differential, rotation), mass)| rotation * differential / *mass)
         .collect();
-    let mut right: Vec<[f64; 3]> = laplacian.apply(&turned).iter().map(DVec3::to_array).collect();
+    let mut right: Vec<[f64; 3]> = laplacian
+        .apply(&turned)
+        .iter()
+        .map(DVec3::to_array)
+        .collect();
     for (&vertex, target) in surface.markers.iter().zip(targets) {
-        for (sum, p) in right[vertex as usize].iter_mut().zip(target.position.to_array()) {
+        for (sum, p) in right[vertex as usize]
+            .iter_mut()
+            .zip(target.position.to_array())
+        {
             *sum += surface.stiffness * p;
         }
     }

@@ -11,9 +11,9 @@ use core::ops::Range;
 use super::super::lanes::Lanes;
 use super::super::output::{Output, SizeError};
 use super::super::skin::to_unit_length;
-use super::super::store::{Store, Strided};
 #[cfg(feature = "simd")]
 use super::super::store::{Packed, Scattered};
+use super::super::store::{Store, Strided};
 use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, marker_frame};
 use super::{LaplacianError, collapsed_check};
 use crate::Level;
@@ -281,10 +281,7 @@ impl<'a> Collapsed<'a> {
     }
 
     #[inline(always)]
-    fn slots(
-        &self,
-        block: usize,
-    ) -> impl Iterator<Item = (u16, &'a [[f32; LANES]; 4])> + use<'a> {
+    fn slots(&self, block: usize) -> impl Iterator<Item = (u16, &'a [[f32; LANES]; 4])> + use<'a> {
         let starts = self.parts.block_starts;
         let range = match (starts.get(block), starts.get(block + 1)) {
             (Some(&first), Some(&end)) => first as usize..end as usize,

@@ -118,7 +118,10 @@ pub(super) fn starts(starts: &[u32], rows: usize, total: usize) -> Result<(), La
     if starts.last().map(|&end| end as usize) != Some(total) {
         return Err(LaplacianError::Index { table, at: rows });
     }
-    match starts.windows(2).position(|pair| matches!(pair, [a, b] if a > b)) {
+    match starts
+        .windows(2)
+        .position(|pair| matches!(pair, [a, b] if a > b))
+    {
         Some(at) => Err(LaplacianError::Index { table, at }),
         None => Ok(()),
     }

@@ -3,9 +3,9 @@
 use core::borrow::BorrowMut;
 
 use super::super::output::{Output, SizeError};
+use super::LaplacianError;
 use super::exact_check;
 use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, marker_frame, position_of};
-use super::LaplacianError;
 use crate::Level;
 use crate::math::{Affine12, transform_point, transform_vector};
 use crate::solve::sparse::{Factor, FactorParts, Row4};
@@ -204,7 +204,11 @@ impl<'a> Exact<'a> {
     /// Positions by blending rigid motions of four markers. Solving for the difference to them
     /// keeps the numbers small, and with them the rounding.
     fn guess(&self, turns: &Turns<'_>, position: &mut [Row4]) {
-        let guides = self.parts.guide_markers.iter().zip(self.parts.guide_weights);
+        let guides = self
+            .parts
+            .guide_markers
+            .iter()
+            .zip(self.parts.guide_weights);
         for ((to, &[x, y, z, _]), (markers, weights)) in
             position.iter_mut().zip(self.parts.rest).zip(guides)
         {
@@ -228,8 +232,11 @@ impl<'a> Exact<'a> {
 
     /// `M^-1 (R d - L v)`, `[rows]`.
     fn residual(&self, turned: &[Row4], position: &[Row4], residual: &mut [Row4]) {
-        for (row, ((to, &turned), rest)) in
-            residual.iter_mut().zip(turned).zip(self.parts.rest).enumerate()
+        for (row, ((to, &turned), rest)) in residual
+            .iter_mut()
+            .zip(turned)
+            .zip(self.parts.rest)
+            .enumerate()
         {
             let &[_, _, _, inverse_mass] = rest;
             *to = scale(sub(turned, self.laplacian(row, position)), inverse_mass);
@@ -249,8 +256,7 @@ impl<'a> Exact<'a> {
         }
         for (held, &row) in turns.markers.iter().zip(self.parts.marker_rows) {
             let [x, y, z] = position_of(held);
-            if let (Some(to), Some(&at)) =
-                (right.get_mut(row as usize), position.get(row as usize))
+            if let (Some(to), Some(&at)) = (right.get_mut(row as usize), position.get(row as usize))
             {
                 *to = add(*to, scale(sub([x, y, z, 0.0], at), self.parts.stiffness));
             }

@@ -37,7 +37,11 @@ pub(super) fn check<'a>(
     numbers(Table::Weights, parts.weights)?;
     numbers(Table::Guide, parts.guide_weights.as_flattened())?;
     numbers(Table::Markers, &[parts.stiffness])?;
-    if let Some(at) = parts.rest.iter().position(|&[_, _, _, inverse]| inverse <= 0.0) {
+    if let Some(at) = parts
+        .rest
+        .iter()
+        .position(|&[_, _, _, inverse]| inverse <= 0.0)
+    {
         let table = Table::Rest;
         return Err(LaplacianError::Number { table, at });
     }
@@ -51,11 +55,7 @@ pub(super) fn check<'a>(
     ))
 }
 
-fn factor(
-    table: Table,
-    parts: FactorParts<'_>,
-    rows: usize,
-) -> Result<Factor<'_>, LaplacianError> {
+fn factor(table: Table, parts: FactorParts<'_>, rows: usize) -> Result<Factor<'_>, LaplacianError> {
     length(table, parts.size, rows)?;
     Factor::new_checked(parts).map_err(|error| LaplacianError::Factor { table, error })
 }

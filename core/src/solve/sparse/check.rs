@@ -57,10 +57,7 @@ impl fmt::Display for FactorError {
             }
             Self::Row { panel, row } => write!(f, "row {row} does not belong into panel {panel}"),
             Self::Values { needed, found } => {
-                write!(
-                    f,
-                    "{found} quads, where the supernodes need {needed}"
-                )
+                write!(f, "{found} quads, where the supernodes need {needed}")
             }
             Self::Number { quad } => write!(f, "quad {quad} is not finite"),
         }?;
@@ -90,8 +87,11 @@ pub(super) fn check(parts: &FactorParts<'_>) -> Result<(), FactorError> {
         });
     }
     let mut needed = 0_usize;
-    for (supernode, (columns, panels)) in
-        parts.columns.windows(2).zip(parts.panels.windows(2)).enumerate()
+    for (supernode, (columns, panels)) in parts
+        .columns
+        .windows(2)
+        .zip(parts.panels.windows(2))
+        .enumerate()
     {
         let (&[first, end], &[panel, panel_end]) = (columns, panels) else {
             continue;
@@ -118,7 +118,11 @@ pub(super) fn check(parts: &FactorParts<'_>) -> Result<(), FactorError> {
     if needed != found {
         return Err(FactorError::Values { needed, found });
     }
-    match parts.values.iter().position(|quad| !quad.iter().all(|x| x.is_finite())) {
+    match parts
+        .values
+        .iter()
+        .position(|quad| !quad.iter().all(|x| x.is_finite()))
+    {
         Some(quad) => Err(FactorError::Number { quad }),
         None => Ok(()),
     }

@@ -45,18 +45,20 @@ impl Cholesky {
             .iter()
             .map(|&(row, column, value)| Triplet::new(row as usize, column as usize, value))
             .collect();
-        let matrix = SparseColMat::try_new_from_triplets(size, size, &triplets)
-            .map_err(|_| too_large())?;
-        let forward: Vec<usize> = order.unwrap_or_default().iter().map(|&v| v as usize).collect();
+        let matrix =
+            SparseColMat::try_new_from_triplets(size, size, &triplets).map_err(|_| too_large())?;
+        let forward: Vec<usize> = order
+            .unwrap_or_default()
+            .iter()
+            .map(|&v| v as usize)
+            .collect();
         let mut inverse = vec![0; forward.len()];
         for (new, &old) in forward.iter().enumerate() {
             inverse[old] = new;
         }
         let ordering = match order {
             None => SymmetricOrdering::Amd,
-            Some(_) => {
-                SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, size))
-            }
+            Some(_) => SymmetricOrdering::Custom(PermRef::new_checked(&forward, &inverse, size)),
         };
         let params = CholeskySymbolicParams {
             // Below every ratio, so that the smallest systems have supernodes too.
@@ -66,8 +68,9 @@ impl Cholesky {
             },
             ..Default::default()
         };
-        let symbolic = factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, ordering, params)
-            .map_err(|_| too_large())?;
+        let symbolic =
+            factorize_symbolic_cholesky(matrix.symbolic(), Side::Lower, ordering, params)
+                .map_err(|_| too_large())?;
         let mut values = vec![0.0; symbolic.len_val()];
         let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::try_new(scratch).map_err(|_| too_large())?;
@@ -105,7 +108,9 @@ impl Cholesky {
         }
         let columns = x.len() / size;
         let matrix = MatMut::from_column_major_slice_mut(x, size, columns);
-        let scratch = self.symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq);
+        let scratch = self
+            .symbolic
+            .solve_in_place_scratch::<f64>(columns, Par::Seq);
         let mut memory = MemBuffer::new(scratch);
         LltRef::new(&self.symbolic, &self.values).solve_in_place_with_conj(
             Conj::No,
@@ -193,9 +198,9 @@ impl Cholesky {
             packed.columns.push((supernode.start() + width) as u32);
             packed.panels.push(packed.rows.len() as u32);
         }
-        packed
-            .factor()
-            .map_err(|_| LaplaceError::TooLarge { vertices: self.size() })?;
+        packed.factor().map_err(|_| LaplaceError::TooLarge {
+            vertices: self.size(),
+        })?;
         Ok(packed)
     }
 }

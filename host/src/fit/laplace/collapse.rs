@@ -251,9 +251,9 @@ pub fn collapse(
         if !normals.is_empty() {
             // Lanes beyond the last vertex repeat it.
             let at = |lane: usize| normals[vertices[lane.min(vertices.len() - 1)] as usize];
-            tables.rest_normals.push([0, 1, 2].map(|axis| {
-                std::array::from_fn(|lane| at(lane).to_array()[axis] as f32)
-            }));
+            tables.rest_normals.push(
+                [0, 1, 2].map(|axis| std::array::from_fn(|lane| at(lane).to_array()[axis] as f32)),
+            );
         }
     }
     Ok(tables)
@@ -336,6 +336,8 @@ fn fit_virtual_handles(
             let coefficients = coefficients.map(|value| value as f32);
             tables.virtual_coefficients.push(coefficients);
         }
-        tables.virtual_starts.push(tables.virtual_markers.len() as u32);
+        tables
+            .virtual_starts
+            .push(tables.virtual_markers.len() as u32);
     }
 }

@@ -8,7 +8,9 @@ pub enum LaplaceError {
     #[error("the mesh has no triangle with an area; give a triangle mesh, not a point cloud")]
     NoSurface,
     /// A vertex index that does not exist.
-    #[error("triangle {triangle} refers to vertex {vertex}, and there are {count}; export the mesh again")]
+    #[error(
+        "triangle {triangle} refers to vertex {vertex}, and there are {count}; export the mesh again"
+    )]
     BadTriangle {
         /// Which triangle.
         triangle: usize,
@@ -92,8 +94,12 @@ fn list(components: &[Component]) -> String {
         .take(SHOWN)
         .map(|component| {
             let [x, y, z] = component.centre.to_array();
-            let Component { vertex, vertices, .. } = component;
-            format!("{vertices} vertices from vertex {vertex} on, around ({x:.3}, {y:.3}, {z:.3}) m")
+            let Component {
+                vertex, vertices, ..
+            } = component;
+            format!(
+                "{vertices} vertices from vertex {vertex} on, around ({x:.3}, {y:.3}, {z:.3}) m"
+            )
         })
         .collect();
     if components.len() > SHOWN {

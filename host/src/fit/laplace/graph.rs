@@ -86,9 +86,8 @@ impl Graph {
         let mut distances = self.distances(sources);
         let mut chosen = Vec::new();
         while chosen.len() < count {
-            let farthest = (0..distances.len()).max_by(|&a, &b| {
-                distances[a].total_cmp(&distances[b]).then(b.cmp(&a))
-            });
+            let farthest = (0..distances.len())
+                .max_by(|&a, &b| distances[a].total_cmp(&distances[b]).then(b.cmp(&a)));
             let Some(farthest) = farthest.filter(|&vertex| distances[vertex] > 0.0) else {
                 break;
             };

@@ -2,7 +2,8 @@
 //!
 //! In: a triangle mesh and the vertices that carry markers. [`Surface`] factors the systems;
 //! [`Surface::exact`] gives the core's tables for solving them each frame, [`collapse`] those for
-//! streaming instead. [`rotations`] finds how markers turn.
+//! streaming instead. [`rotations`] finds how markers turn, [`suggest`](mod@suggest) where to put
+//! them, and [`repair`](mod@repair) makes a scan fit for all this.
 
 pub mod cholesky;
 pub mod collapse;
@@ -11,6 +12,7 @@ pub mod graph;
 pub mod operator;
 pub mod repair;
 pub mod rotations;
+pub mod suggest;
 mod surface;
 
 pub use collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse, collapse_within};

@@ -143,7 +143,9 @@ impl Laplacian {
                 entries.push((vertex as u32, vertex as u32, 1.0));
                 continue;
             }
-            let lower = self.row(vertex).filter(|&(to, _)| to < vertex && !fixed[to]);
+            let lower = self
+                .row(vertex)
+                .filter(|&(to, _)| to < vertex && !fixed[to]);
             entries.extend(lower.map(|(to, weight)| (vertex as u32, to as u32, -weight)));
             entries.push((vertex as u32, vertex as u32, self.diagonal(vertex)));
         }
@@ -220,7 +222,9 @@ mod tests {
         let laplacian = Laplacian::new(&positions, &triangles);
         assert!(laplacian.weights.iter().all(|weight| weight.is_finite()));
         for seed in 1..20_u32 {
-            let v: Vec<_> = (0..6).map(|k| f64::from(seed * (k + 3) * 7919 % 101)).collect();
+            let v: Vec<_> = (0..6)
+                .map(|k| f64::from(seed * (k + 3) * 7919 % 101))
+                .collect();
             let energy: f64 = (0..6)
                 .flat_map(|i| laplacian.row(i).map(move |(j, w)| (i, j, w)))
                 .map(|(i, j, w)| w * (v[i] - v[j]).powi(2))
@@ -237,7 +241,10 @@ mod tests {
             if i == j {
                 laplacian.diagonal(i)
             } else {
-                laplacian.row(i).find(|&(to, _)| to == j).map_or(0.0, |(_, w)| -w)
+                laplacian
+                    .row(i)
+                    .find(|&(to, _)| to == j)
+                    .map_or(0.0, |(_, w)| -w)
             }
         };
         for (row, column, value) in laplacian.squared() {

@@ -53,8 +53,14 @@ impl RepairReport {
         let all = [
             (self.welded, "vertices welded to one at the same place"),
             (self.unreferenced, "vertices of no triangle removed"),
-            (self.collapsed_triangles, "triangles with a corner twice removed"),
-            (self.duplicate_triangles, "triangles that stood there twice removed"),
+            (
+                self.collapsed_triangles,
+                "triangles with a corner twice removed",
+            ),
+            (
+                self.duplicate_triangles,
+                "triangles that stood there twice removed",
+            ),
             (
                 self.non_manifold_triangles,
                 "triangles removed from edges that more than two share",
@@ -120,7 +126,12 @@ pub fn repair(
     let welded = weld(positions, options.weld_distance);
     report.welded = welded.iter().zip(0..).filter(|&(&to, at)| to != at).count();
     let mut kept = remove_faulty(triangles, &welded, &mut report);
-    remove_dust(positions, &mut kept, options.smallest_component, &mut report);
+    remove_dust(
+        positions,
+        &mut kept,
+        options.smallest_component,
+        &mut report,
+    );
     if kept.is_empty() {
         return Err(LaplaceError::NoSurface);
     }
@@ -131,7 +142,12 @@ pub fn repair(
 fn weld(positions: &[DVec3], distance: f64) -> Vec<u32> {
     let cell_size = if distance > 0.0 { distance } else { 1.0 };
     // Exact welding hashes bits; the other looks into the 27 cells around.
-    let exact = |p: DVec3| (p + DVec3::ZERO).to_array().map(f64::to_bits).map(|b| b as i64);
+    let exact = |p: DVec3| {
+        (p + DVec3::ZERO)
+            .to_array()
+            .map(f64::to_bits)
+            .map(|b| b as i64)
+    };
     let cell = |p: DVec3| (p / cell_size).floor().to_array().map(|x| x as i64);
     let mut cells: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
     let mut welded = Vec::with_capacity(positions.len());
@@ -139,9 +155,8 @@ fn weld(positions: &[DVec3], distance: f64) -> Vec<u32> {
         let mut target = at;
         if distance > 0.0 && position.is_finite() {
             let [x, y, z] = cell(position);
-            let around = (-1..=1).flat_map(move |i| {
-                (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [i, j, k]))
-            });
+            let around = (-1..=1)
+                .flat_map(move |i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [i, j, k])));
             for [i, j, k] in around {
                 let near = cells.get(&[
                     x.saturating_add(i),
@@ -191,7 +206,10 @@ fn remove_faulty(
             continue;
         }
         let sides = [(a, b), (b, c), (c, a)].map(|(a, b)| (a.min(b), a.max(b)));
-        if sides.iter().any(|side| edges.get(side).is_some_and(|&n| n >= 2)) {
+        if sides
+            .iter()
+            .any(|side| edges.get(side).is_some_and(|&n| n >= 2))
+        {
             report.non_manifold_triangles += 1;
             continue;
         }
@@ -247,7 +265,10 @@ fn remove_dust(
 ) {
     let graph = Graph::new(positions, triangles);
     let mut used = vec![false; positions.len()];
-    triangles.as_flattened().iter().for_each(|&v| used[v as usize] = true);
+    triangles
+        .as_flattened()
+        .iter()
+        .for_each(|&v| used[v as usize] = true);
     let mut remove = vec![false; positions.len()];
     for vertices in graph.components() {
         if !used[vertices[0] as usize] {
@@ -280,7 +301,10 @@ fn renumber(
     mut report: RepairReport,
 ) -> Repaired {
     let mut used = vec![false; positions.len()];
-    triangles.as_flattened().iter().for_each(|&v| used[v as usize] = true);
+    triangles
+        .as_flattened()
+        .iter()
+        .for_each(|&v| used[v as usize] = true);
     let mut new_of = vec![None; positions.len()];
     let mut source_of = Vec::new();
     for (vertex, _) in used.iter().enumerate().filter(|(_, used)| **used) {
@@ -364,7 +388,10 @@ mod tests {
         assert_eq!(repaired.vertex_of[6], None);
         let report = &repaired.report;
         assert_eq!((report.welded, report.unreferenced), (2, 1));
-        assert_eq!((report.collapsed_triangles, report.duplicate_triangles), (1, 1));
+        assert_eq!(
+            (report.collapsed_triangles, report.duplicate_triangles),
+            (1, 1)
+        );
         assert_eq!((report.dust, report.holes), ((1, 3), 2));
         assert_eq!(report.components.len(), 1);
         assert_eq!(report.lines().len(), 7);

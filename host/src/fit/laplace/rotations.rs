@@ -63,8 +63,8 @@ fn largest_eigenvector(matrix: DMat4) -> DVec4 {
                 let t = if theta == 0.0 { 1.0 } else { t };
                 let c = 1.0 / (t * t + 1.0).sqrt();
                 let s = t * c;
-                for k in 0..4 {
-                    (a[k][p], a[k][q]) = (c * a[k][p] - s * a[k][q], s * a[k][p] + c * a[k][q]);
+                for row in &mut a {
+                    (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
                 }
                 for k in 0..4 {
                     (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
@@ -76,7 +76,9 @@ fn largest_eigenvector(matrix: DMat4) -> DVec4 {
             }
         }
     }
-    let best = (0..4).max_by(|&i, &j| a[i][i].total_cmp(&a[j][j])).unwrap_or(0);
+    let best = (0..4)
+        .max_by(|&i, &j| a[i][i].total_cmp(&a[j][j]))
+        .unwrap_or(0);
     DVec4::from_array(vectors[best])
 }
 
@@ -105,7 +107,11 @@ pub fn by_neighbours(
 ) -> Vec<DQuat> {
     let rotation = |(marker, around): (usize, &Vec<(usize, f64)>)| {
         fit_rotation(around.iter().map(|&(other, weight)| {
-            (rest[other] - rest[marker], posed[other] - posed[marker], weight)
+            (
+                rest[other] - rest[marker],
+                posed[other] - posed[marker],
+                weight,
+            )
         }))
     };
     neighbours.iter().enumerate().map(rotation).collect()
@@ -125,7 +131,10 @@ pub fn nearest_markers(distances: &[Vec<f32>], count: usize) -> Vec<Vec<(usize, 
         others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         others.truncate(count);
         let weight = |distance: f32| 1.0 / f64::from(distance).powi(2).max(1e-8);
-        others.iter().map(|&(d, other)| (other, weight(d))).collect()
+        others
+            .iter()
+            .map(|&(d, other)| (other, weight(d)))
+            .collect()
     };
     distances.iter().enumerate().map(nearest).collect()
 }
@@ -154,17 +163,25 @@ mod tests {
     #[test]
     fn a_single_edge_turns_the_shortest_way() {
         let found = fit_rotation([(DVec3::X, DVec3::Y, 1.0)]);
-        assert!(close(found, DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2)) || {
-            let (axis, angle) = found.to_axis_angle();
-            (axis.z.abs() - 1.0).abs() < 1e-3 && (angle - 1.5708).abs() < 1e-2
-        });
+        assert!(
+            close(found, DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2)) || {
+                let (axis, angle) = found.to_axis_angle();
+                (axis.z.abs() - 1.0).abs() < 1e-3
+                    && (angle - std::f64::consts::FRAC_PI_2).abs() < 1e-2
+            }
+        );
         assert_eq!(fit_rotation([]), DQuat::IDENTITY);
         assert_eq!(fit_rotation([(DVec3::X, DVec3::NAN, 1.0)]), DQuat::IDENTITY);
     }
 
     #[test]
     fn a_spanning_tree_along_a_line_loses_the_twist_and_neighbours_keep_it() {
-        let rest = [DVec3::ZERO, DVec3::X, DVec3::X * 2.0, DVec3::new(1.0, 0.1, 0.0)];
+        let rest = [
+            DVec3::ZERO,
+            DVec3::X,
+            DVec3::X * 2.0,
+            DVec3::new(1.0, 0.1, 0.0),
+        ];
         let turn = DQuat::from_rotation_x(1.0);
         let posed = rest.map(|p| turn * p);
         let tree = by_spanning_tree(&rest, &posed, &[[0, 1], [1, 2], [1, 3]]);

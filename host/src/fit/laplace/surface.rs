@@ -127,7 +127,12 @@ impl Surface {
         let mut tables = ExactTables {
             rest: order
                 .iter()
-                .map(|&v| row4(self.positions[v as usize], 1.0 / self.laplacian.mass[v as usize]))
+                .map(|&v| {
+                    row4(
+                        self.positions[v as usize],
+                        1.0 / self.laplacian.mass[v as usize],
+                    )
+                })
                 .collect(),
             differential: order
                 .iter()
@@ -226,14 +231,12 @@ fn row4(v: DVec3, last: f64) -> [f32; 4] {
     [v.x as f32, v.y as f32, v.z as f32, last as f32]
 }
 
-fn check(
-    positions: &[DVec3],
-    triangles: &[[u32; 3]],
-    markers: &[u32],
-) -> Result<(), LaplaceError> {
+fn check(positions: &[DVec3], triangles: &[[u32; 3]], markers: &[u32]) -> Result<(), LaplaceError> {
     const FAR: f64 = 1e6;
     let count = positions.len();
-    if let Some(vertex) = positions.iter().position(|p| p.abs().max_element() > FAR || !p.is_finite())
+    if let Some(vertex) = positions
+        .iter()
+        .position(|p| p.abs().max_element() > FAR || !p.is_finite())
     {
         let position = positions[vertex];
         return Err(LaplaceError::BadPosition { vertex, position });
@@ -295,7 +298,10 @@ fn harmonic_weights(laplacian: &Laplacian, harmonic: &Cholesky, markers: &[u32])
         column[vertex as usize] = 1.0;
     }
     harmonic.solve(&mut columns);
-    columns.chunks(laplacian.size()).map(<[f64]>::to_vec).collect()
+    columns
+        .chunks(laplacian.size())
+        .map(<[f64]>::to_vec)
+        .collect()
 }
 
 /// Prim's algorithm from marker 0; markers of other components join by straight distance.
@@ -313,8 +319,8 @@ fn spanning_tree(markers: &[u32], distances: &[Vec<f32>], positions: &[DVec3]) -
     let mut nearest: Vec<(f64, usize)> = (0..markers.len()).map(|b| (length(0, b), 0)).collect();
     let mut outside: Vec<usize> = (1..markers.len()).collect();
     let mut edges = Vec::new();
-    while let Some(at) = (0..outside.len())
-        .min_by(|&a, &b| nearest[outside[a]].0.total_cmp(&nearest[outside[b]].0))
+    while let Some(at) =
+        (0..outside.len()).min_by(|&a, &b| nearest[outside[a]].0.total_cmp(&nearest[outside[b]].0))
     {
         let next = outside.swap_remove(at);
         edges.push([nearest[next].1 as u16, next as u16]);

@@ -21,7 +21,9 @@ pub(super) fn order(markers: &[Vec<f32>]) -> Vec<u32> {
             let all = || part.iter().map(|&vertex| distance(marker, vertex));
             all().fold(f32::NEG_INFINITY, f32::max) - all().fold(f32::INFINITY, f32::min)
         };
-        let widest = markers.iter().max_by(|a, b| spread(a).total_cmp(&spread(b)));
+        let widest = markers
+            .iter()
+            .max_by(|a, b| spread(a).total_cmp(&spread(b)));
         let Some(widest) = widest else { break };
         part.sort_by(|&a, &b| {
             let by_distance = distance(widest, a).total_cmp(&distance(widest, b));
@@ -53,7 +55,9 @@ pub(super) fn nearest(vertices: &[u32], distances: &[Vec<f32>], count: usize) ->
     ranked.sort_by(|&a, &b| {
         let (a_score, b_score) = (scores[a], scores[b]);
         let by_rank = a_score.0.cmp(&b_score.0);
-        by_rank.then(a_score.1.total_cmp(&b_score.1)).then(a.cmp(&b))
+        by_rank
+            .then(a_score.1.total_cmp(&b_score.1))
+            .then(a.cmp(&b))
     });
     ranked.truncate(count);
     ranked.sort_unstable();
@@ -81,13 +85,22 @@ mod tests {
     #[test]
     fn blocks_are_patches_and_never_short_before_the_last() {
         // A line of 20 vertices with a marker at each end, and 3 vertices apart from it.
-        let one: Vec<f32> = (0..20).map(|v| v as f32).chain([f32::INFINITY; 3]).collect();
-        let other: Vec<f32> = (0..20).map(|v| 19.0 - v as f32).chain([f32::INFINITY; 3]).collect();
+        let one: Vec<f32> = (0..20)
+            .map(|v| v as f32)
+            .chain([f32::INFINITY; 3])
+            .collect();
+        let other: Vec<f32> = (0..20)
+            .map(|v| 19.0 - v as f32)
+            .chain([f32::INFINITY; 3])
+            .collect();
         let order = order(&[one, other]);
         let mut sorted = order.clone();
         sorted.sort_unstable();
         assert_eq!(sorted, (0..23).collect::<Vec<u32>>());
-        for block in order.chunks(LANES).filter(|block| block.iter().all(|&v| v < 20)) {
+        for block in order
+            .chunks(LANES)
+            .filter(|block| block.iter().all(|&v| v < 20))
+        {
             let (low, high) = (block.iter().min(), block.iter().max());
             assert!(high.unwrap() - low.unwrap() < 8, "{order:?}");
         }
@@ -95,7 +108,12 @@ mod tests {
 
     #[test]
     fn every_vertex_of_a_block_gets_its_nearest_handle() {
-        let distances = [vec![0.0, 9.0], vec![1.0, 8.0], vec![2.0, 7.0], vec![9.0, 0.5]];
+        let distances = [
+            vec![0.0, 9.0],
+            vec![1.0, 8.0],
+            vec![2.0, 7.0],
+            vec![9.0, 0.5],
+        ];
         assert_eq!(nearest(&[0, 1], &distances, 2), [0, 3]);
         assert_eq!(nearest(&[0], &distances, 2), [0, 1]);
         assert_eq!(nearest(&[0], &distances, 9), [0, 1, 2, 3]);

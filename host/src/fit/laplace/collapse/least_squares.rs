@@ -109,7 +109,10 @@ impl<'f> Fit<'f> {
         let unknowns = 4 * self.handles.len();
         let (mut right, mut row) = (vec![0.0; unknowns], vec![0.0; unknowns]);
         for (pose, exact) in exact.iter().enumerate() {
-            let frames = self.handles.iter().map(|&handle| &self.frames[pose][handle]);
+            let frames = self
+                .handles
+                .iter()
+                .map(|&handle| &self.frames[pose][handle]);
             let blended: DVec3 = frames.zip(&start).map(|(frame, &c)| frame.apply(c)).sum();
             let missing = exact[vertex] - blended;
             for axis in 0..3 {
