@@ -10,6 +10,7 @@
 //! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`bake`] | a validated body | the asset |
 //! | [`mod@reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`studio`] | a body and a seed | virtual captures with the truth beside them |
 //! | [`play`], [`verify`] | an asset and motion | what the core computes, and how far off it is |
 //! | [`film`], [`export`] | validated values, frames | pictures, files that other programs read |
 //! | [`cli`] | a command line | all of it |
@@ -26,5 +27,6 @@ pub mod import;
 pub mod model;
 pub mod play;
 pub mod reference;
+pub mod studio;
 pub mod take;
 pub mod verify;
