@@ -8,6 +8,7 @@ pub mod body;
 pub mod budgets;
 pub mod gltf_oracle;
 pub mod human;
+pub mod laplacian;
 
 use std::path::{Path, PathBuf};
 

@@ -66,6 +66,26 @@ pub fn normalise(q: Quat4) -> Option<Quat4> {
     }
 }
 
+/// `a * b`: first `b`, then `a`.
+#[inline]
+#[must_use]
+pub fn quat_product(a: Quat4, b: Quat4) -> Quat4 {
+    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a, b);
+    [
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    ]
+}
+
+/// The opposite rotation of a unit quaternion.
+#[inline]
+#[must_use]
+pub fn conjugate([x, y, z, w]: Quat4) -> Quat4 {
+    [-x, -y, -z, w]
+}
+
 /// Interpolates unit quaternions along the shorter great arc at constant speed.
 ///
 /// `sin(t a) / sin(a)` is a power series in `1 - cos(a)` (Eberly, *A Fast and Accurate Algorithm
@@ -259,6 +279,26 @@ mod tests {
         let q = transform_point(&m, p);
         for (a, b) in transform_point(&twice, [0.0, 0.0, 1.0]).iter().zip(q) {
             assert!((a - b).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn products_of_quaternions_compose() {
+        let s = core::f32::consts::FRAC_1_SQRT_2;
+        let (x, y) = ([s, 0.0, 0.0, s], [0.0, s, 0.0, s]);
+        // A quarter turn about x takes y to z, which one about y then takes to x.
+        let turn = affine(quat_product(y, x), [0.0; 3], [1.0; 3]);
+        for (got, want) in transform_point(&turn, [0.0, 1.0, 0.0])
+            .iter()
+            .zip([1.0, 0.0, 0.0])
+        {
+            assert!((got - want).abs() < 1e-6);
+        }
+        for (got, want) in quat_product(conjugate(x), x)
+            .iter()
+            .zip([0.0, 0.0, 0.0, 1.0])
+        {
+            assert!((got - want).abs() < 1e-6);
         }
     }
 

@@ -180,6 +180,12 @@ impl<'o> Output<'o> {
         }
     }
 
+    /// Vertices that it was made for.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
     /// Whether it was made for an asset of this size.
     #[must_use]
     pub fn fits(&self, dims: &Dims) -> bool {

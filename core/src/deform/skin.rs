@@ -80,7 +80,7 @@ pub(super) struct Slots<'a> {
 }
 
 fn scalar<B: Blend>(job: &Job<'_, '_, B>, output: &mut Output<'_>) {
-    blocks_by::<[f32; 2], _, _>((), job, &mut Strided::new(job.asset, output));
+    blocks_by::<[f32; 2], _, _>((), job, &mut Strided::new(job.asset.source_order(), output));
 }
 
 #[cfg(feature = "simd")]
@@ -104,10 +104,14 @@ fn by_width<S: fearless_simd::Simd, B: Blend>(
 fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Job<'_, '_, B>, output: &mut Output<'_>) {
     if let Some(mut store) = Packed::new(output) {
         blocks_by::<L, _, _>(token, job, &mut store);
-    } else if let Some(mut store) = Scattered::new(job.asset, output) {
+    } else if let Some(mut store) = Scattered::new(job.asset.source_order(), output) {
         blocks_by::<L, _, _>(token, job, &mut store);
     } else {
-        blocks_by::<L, _, _>(token, job, &mut Strided::new(job.asset, output));
+        blocks_by::<L, _, _>(
+            token,
+            job,
+            &mut Strided::new(job.asset.source_order(), output),
+        );
     }
 }
 
@@ -319,7 +323,7 @@ fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
 }
 
 #[inline(always)]
-fn to_unit_length<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [L; 3] {
+pub(super) fn to_unit_length<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [L; 3] {
     let length2 = x.mul(x).add(y.mul(y)).add(z.mul(z));
     // A normal blended to nothing stays nothing instead of becoming infinite.
     let factor = length2

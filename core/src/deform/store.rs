@@ -2,7 +2,7 @@
 
 use super::lanes::Lanes;
 use super::output::{Output, VertexOrder, Writer};
-use crate::asset::{Asset, LANES};
+use crate::asset::LANES;
 
 /// Takes `L::WIDTH` vertices of a block, from lane `first` on.
 pub(super) trait Store {
@@ -21,10 +21,11 @@ pub(super) struct Strided<'s> {
 }
 
 impl<'s> Strided<'s> {
-    pub fn new(asset: &Asset<'s>, output: &'s mut Output<'_>) -> Self {
+    /// `source_order`: `[vertices]`, where each goes in source order.
+    pub fn new(source_order: &'s [u32], output: &'s mut Output<'_>) -> Self {
         Self {
-            order: order(asset, output),
-            vertex_count: asset.dims().vertex_count,
+            order: order(source_order, output),
+            vertex_count: source_order.len(),
             to: output.writer(),
         }
     }
@@ -118,8 +119,8 @@ pub(super) struct Scattered<'s> {
 #[cfg(feature = "simd")]
 impl<'s> Scattered<'s> {
     /// `None` for another layout or order.
-    pub fn new(asset: &Asset<'s>, output: &'s mut Output<'_>) -> Option<Self> {
-        let order = order(asset, output).as_chunks().0;
+    pub fn new(source_order: &'s [u32], output: &'s mut Output<'_>) -> Option<Self> {
+        let order = order(source_order, output).as_chunks().0;
         if output.order == VertexOrder::Block {
             return None;
         }
@@ -168,9 +169,9 @@ impl Store for Scattered<'_> {
     }
 }
 
-fn order<'a>(asset: &Asset<'a>, output: &Output<'_>) -> &'a [u32] {
+fn order<'a>(source_order: &'a [u32], output: &Output<'_>) -> &'a [u32] {
     match output.order {
-        VertexOrder::Source => asset.source_order(),
+        VertexOrder::Source => source_order,
         VertexOrder::Block => &[],
     }
 }

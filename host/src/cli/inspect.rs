@@ -22,7 +22,7 @@ Examples:
   sinew inspect scan.obj --unit mm
   sinew inspect take.c3d --up z")]
 pub(crate) struct Inspect {
-    /// A .glb, .gltf, .obj, .bvh, .c3d, .trc, .csv or .sinew.
+    /// A .glb, .gltf, .obj, .ply, .bvh, .c3d, .trc, .csv or .sinew.
     file: PathBuf,
     #[command(flatten)]
     reading: Reading,

@@ -10,7 +10,7 @@ use crate::bake::AssetBytes;
 use crate::import::gltf::read_gltf;
 use crate::import::take::{LengthUnit, TakeOptions, UpAxis, read_take};
 use crate::import::{
-    BvhOptions, ImportError, ImportErrorKind, Notice, Place, read_bvh_with, read_obj,
+    BvhOptions, ImportError, ImportErrorKind, Notice, Place, read_bvh_with, read_obj, read_ply,
 };
 use crate::model::{Avatar, Mesh, Motion};
 use crate::take::Take;
@@ -70,7 +70,7 @@ enum Up {
 }
 
 /// What is read, by name ending.
-const READABLE: &str = ".glb, .gltf, .obj, .bvh, .c3d, .trc, .csv or .sinew";
+const READABLE: &str = ".glb, .gltf, .obj, .ply, .bvh, .c3d, .trc, .csv or .sinew";
 
 /// Reads a file of any kind.
 pub(crate) fn any(path: &Path, reading: Reading) -> Result<(Loaded, Vec<Notice>), Failure> {
@@ -97,9 +97,10 @@ pub(crate) fn any(path: &Path, reading: Reading) -> Result<(Loaded, Vec<Notice>)
             let (motion, notices) = Motion::new(raw, &name)?;
             (Loaded::Motion(Box::new(motion)), notices)
         }
-        "obj" => {
-            let (raw, mut notices) =
-                read_obj(&read(path)?, &name, reading.unit.map_or(1.0, Unit::metres))?;
+        "obj" | "ply" => {
+            let parse = if ending == "ply" { read_ply } else { read_obj };
+            let unit = reading.unit.map_or(1.0, Unit::metres);
+            let (raw, mut notices) = parse(&read(path)?, &name, unit)?;
             let (mesh, more) = Mesh::new(raw, &name)?;
             notices.extend(more);
             (Loaded::Mesh(Box::new(mesh)), notices)
