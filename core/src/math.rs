@@ -66,6 +66,19 @@ pub fn normalise(q: Quat4) -> Option<Quat4> {
     }
 }
 
+/// `a * b`: first `b`, then `a`.
+#[inline]
+#[must_use]
+pub fn quaternion_product(a: Quat4, b: Quat4) -> Quat4 {
+    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a, b);
+    [
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    ]
+}
+
 /// Interpolates unit quaternions along the shorter great arc at constant speed.
 ///
 /// `sin(t a) / sin(a)` is a power series in `1 - cos(a)` (Eberly, *A Fast and Accurate Algorithm
@@ -259,6 +272,17 @@ mod tests {
         let q = transform_point(&m, p);
         for (a, b) in transform_point(&twice, [0.0, 0.0, 1.0]).iter().zip(q) {
             assert!((a - b).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn quaternion_products_turn_like_matrices() {
+        let (s, no) = (core::f32::consts::FRAC_1_SQRT_2, [0.0; 3]);
+        let (a, b) = ([0.0, s, 0.0, s], [s, 0.0, 0.0, s]);
+        let one = affine(quaternion_product(a, b), no, [1.0; 3]);
+        let two = compose(&affine(a, no, [1.0; 3]), &affine(b, no, [1.0; 3]));
+        for (one, two) in one.iter().zip(two) {
+            assert!((one - two).abs() < 1e-6);
         }
     }
 

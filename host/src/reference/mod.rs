@@ -2,8 +2,9 @@
 //!
 //! Slow and simple on purpose: what the core computes is judged against these.
 
+pub mod dual;
 pub mod pose;
 pub mod skin;
 mod unpack;
 
-pub use unpack::unpack;
+pub use unpack::{unpack, unpack_centres};
