@@ -5,7 +5,9 @@
 //! skipped.
 
 pub mod body;
+pub mod budgets;
 pub mod gltf_oracle;
+pub mod human;
 
 use std::path::{Path, PathBuf};
 
