@@ -18,7 +18,7 @@ use std::time::Instant;
 use body::{Body, subdivided, with_influences};
 use plain::Plain;
 use sinew_core::asset::{Asset, Dims};
-use sinew_core::deform::{Level, Output, VertexOrder, skin_blocks, skin_plain};
+use sinew_core::deform::{Level, Output, SkinJob, SkinMode, VertexOrder, skin_blocks, skin_plain};
 use sinew_core::math::Affine12;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake};
 
@@ -58,7 +58,13 @@ fn main() {
 type Contestant<'a> = (&'static str, Box<dyn FnMut(usize) + 'a>);
 
 fn case(name: &str, body: &Body, influences: usize, streaming: bool) {
-    let baked = bake(&body.avatar, &BakeOptions::default()).expect("bakes");
+    let start = Instant::now();
+    let options = BakeOptions {
+        centres: true,
+        ..BakeOptions::default()
+    };
+    let baked = bake(&body.avatar, &options).expect("bakes");
+    let baking = start.elapsed().as_secs_f64();
     let dims = baked.report.dims;
     let copies = if streaming {
         STREAMED_BYTES / (body.avatar.mesh.positions.len() * (48 + 4 * influences))
@@ -74,7 +80,7 @@ fn case(name: &str, body: &Body, influences: usize, streaming: bool) {
     let palette = body.palette();
     let room = || vec![vec![[0.0_f32; 3]; dims.vertex_count]; copies];
     println!(
-        "\n{name}: {} vertices, {:.2} slots a block, {} of {} blocks rigid, {copies} bodies",
+        "\n{name}: {} vertices, {:.2} slots a block, {} of {} blocks rigid, baked with centres in {baking:.1} s, {copies} bodies",
         dims.vertex_count,
         dims.slot_count as f64 / dims.block_count as f64,
         dims.rigid_block_count,
@@ -132,6 +138,30 @@ fn case(name: &str, body: &Body, influences: usize, streaming: bool) {
                     order,
                     &mut positions[at],
                     &mut normals[at],
+                );
+            }),
+        ));
+    }
+    for (name, mode) in [
+        ("sinew dual quaternions", SkinMode::DualQuaternion),
+        ("sinew centres", SkinMode::CentresOfRotation),
+    ] {
+        let (mut positions, mut normals, assets, palette) = (room(), room(), &assets, &palette);
+        let duals = body.duals(&assets[0]);
+        contestants.push((
+            name,
+            Box::new(move |at| {
+                let output = output(&dims, &mut positions[at], &mut normals[at]);
+                let job = SkinJob {
+                    mode,
+                    duals: &duals,
+                    ..SkinJob::linear(palette)
+                };
+                let blocks = 0..dims.block_count;
+                job.run(
+                    &assets[at],
+                    blocks,
+                    &mut output.in_order(VertexOrder::Block),
                 );
             }),
         ));

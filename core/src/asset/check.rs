@@ -23,11 +23,13 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         rest: sections.view(SectionKind::Rest)?,
         bind_joints: sections.view(SectionKind::BindJoints)?,
         inverse_bind: sections.view(SectionKind::InverseBind)?,
+        bind_rotations: sections.view(SectionKind::BindRotations)?,
         runs: sections.view(SectionKind::Runs)?,
         slot_binds: sections.view(SectionKind::SlotBinds)?,
         slot_weights: sections.view(SectionKind::SlotWeights)?,
         positions: sections.view(SectionKind::Positions)?,
         normals: sections.view(SectionKind::Normals)?,
+        centres: sections.view(SectionKind::Centres)?,
         order: sections.view(SectionKind::Order)?,
         triangles: match dims.index_bytes {
             2 => Triangles::U16(sections.view(SectionKind::Triangles)?),
@@ -287,6 +289,9 @@ fn check_skeleton(asset: &Asset<'_>) -> Result<(), AssetError> {
         asset.inverse_bind.as_flattened().iter().copied(),
         LARGEST,
     )?;
+    for (bind, rotation) in asset.bind_rotations.iter().enumerate() {
+        unit_length(SectionKind::BindRotations, 4 * bind, rotation)?;
+    }
     for (joint, &[offset, length]) in asset.joint_names.iter().enumerate() {
         name(asset, SectionKind::JointNames, joint, (offset, length))?;
     }
@@ -303,6 +308,7 @@ fn check_mesh(asset: &Asset<'_>) -> Result<(), AssetError> {
     };
     flat(asset.positions, SectionKind::Positions, LARGEST)?;
     flat(asset.normals, SectionKind::Normals, 1.001)?;
+    flat(asset.centres, SectionKind::Centres, LARGEST)?;
     let vertices = asset.dims.vertex_count;
     for (vertex, &source) in asset.order.iter().enumerate() {
         below(SectionKind::Order, vertex, source as usize, vertices)?;
@@ -377,6 +383,13 @@ fn check_blocks(asset: &Asset<'_>) -> Result<(), AssetError> {
         return Err(AssetError::Counts {
             index: 5,
             value: asset.dims.rigid_block_count,
+        });
+    }
+    let blended = asset.dims.block_count.saturating_sub(rigid);
+    if asset.dims.centre_block_count != 0 && asset.dims.centre_block_count != blended {
+        return Err(AssetError::Counts {
+            index: 17,
+            value: asset.dims.centre_block_count,
         });
     }
     for (slot, &bind) in asset.slot_binds.iter().enumerate() {

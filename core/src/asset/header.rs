@@ -37,7 +37,7 @@ pub(crate) const AT_RESERVED: usize = 24;
 pub(crate) const AT_DIMS: usize = 32;
 pub(crate) const DIMS_WORDS: usize = 32;
 /// Words beyond these are zero.
-pub(crate) const DIMS_USED: usize = 17;
+pub(crate) const DIMS_USED: usize = 18;
 
 /// All counts of an asset. They size every buffer and bound the cost of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,6 +57,8 @@ pub struct Dims {
     pub rigid_block_count: usize,
     /// Stretches of blocks that have the same number of slots.
     pub run_count: usize,
+    /// Blocks with centres of rotation: all that need blending, or none.
+    pub centre_block_count: usize,
     /// Triangles of the mesh.
     pub triangle_count: usize,
     /// Bytes of a vertex index, 2 or 4.
@@ -131,6 +133,7 @@ impl Dims {
             key_value_count: word(bytes, AT_DIMS + 56),
             name_bytes: word(bytes, AT_DIMS + 60),
             run_count: word(bytes, AT_DIMS + 64),
+            centre_block_count: word(bytes, AT_DIMS + 68),
         }
     }
 
@@ -155,6 +158,7 @@ impl Dims {
             self.key_value_count,
             self.name_bytes,
             self.run_count,
+            self.centre_block_count,
         ];
         let mut words = [0; DIMS_WORDS];
         let mut at = 0;
@@ -190,6 +194,8 @@ pub enum SectionKind {
     BindJoints = u32::from_le_bytes(*b"BJNT"),
     /// `f32 [binds x 12]`: inverse bind matrices, rows of 3 x 4.
     InverseBind = u32::from_le_bytes(*b"BINV"),
+    /// `f32 [binds x 4]`: rotation of each inverse bind matrix.
+    BindRotations = u32::from_le_bytes(*b"BROT"),
     /// `u32 [runs x 4]`: first block, blocks, slots of each block, first slot.
     Runs = u32::from_le_bytes(*b"KRUN"),
     /// `u16 [slots]`: bind of each slot.
@@ -200,6 +206,8 @@ pub enum SectionKind {
     Positions = u32::from_le_bytes(*b"VPOS"),
     /// `f32 [blocks x 3 x 8]`: rest normals.
     Normals = u32::from_le_bytes(*b"VNRM"),
+    /// `f32 [centre blocks x 3 x 8]`: centres of rotation of blocks with two or more slots.
+    Centres = u32::from_le_bytes(*b"VCOR"),
     /// `u32 [vertices]`: index in the source mesh of each vertex in block order.
     Order = u32::from_le_bytes(*b"VORD"),
     /// `u16` or `u32 [triangles x 3]`: vertex indices in block order.
@@ -222,16 +230,18 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 20] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
         Self::InverseBind,
+        Self::BindRotations,
         Self::Runs,
         Self::SlotBinds,
         Self::SlotWeights,
         Self::Positions,
         Self::Normals,
+        Self::Centres,
         Self::Order,
         Self::Triangles,
         Self::Parts,
@@ -251,6 +261,8 @@ impl SectionKind {
             Self::Rest => dims.joint_count.checked_mul(40),
             Self::BindJoints => dims.bind_count.checked_mul(2),
             Self::InverseBind => dims.bind_count.checked_mul(48),
+            Self::BindRotations => dims.bind_count.checked_mul(16),
+            Self::Centres => dims.centre_block_count.checked_mul(96),
             Self::Runs => dims.run_count.checked_mul(16),
             Self::SlotBinds => dims.slot_count.checked_mul(2),
             Self::SlotWeights => dims.slot_count.checked_mul(16),

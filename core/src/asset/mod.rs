@@ -29,11 +29,13 @@ pub struct Asset<'a> {
     pub(crate) rest: &'a [[f32; 10]],
     pub(crate) bind_joints: &'a [u16],
     pub(crate) inverse_bind: &'a [[f32; 12]],
+    pub(crate) bind_rotations: &'a [[f32; 4]],
     pub(crate) runs: &'a [[u32; 4]],
     pub(crate) slot_binds: &'a [u16],
     pub(crate) slot_weights: &'a [[u16; LANES]],
     pub(crate) positions: &'a [Lanes3],
     pub(crate) normals: &'a [Lanes3],
+    pub(crate) centres: &'a [Lanes3],
     pub(crate) order: &'a [u32],
     triangles: Triangles<'a>,
     parts: &'a [[u32; 4]],
@@ -272,6 +274,19 @@ impl<'a> Asset<'a> {
                     weights: slice(weights, first_slot, count),
                 }
             })
+    }
+
+    /// Rotation x y z w of a bind's inverse bind matrix, its stretch left out.
+    #[must_use]
+    pub fn bind_rotation(&self, bind: usize) -> Option<&'a [f32; 4]> {
+        self.bind_rotations.get(bind)
+    }
+
+    /// Centres of rotation of the blocks with two or more slots, in order; empty where the asset
+    /// was baked without.
+    #[must_use]
+    pub fn centres(&self) -> &'a [Lanes3] {
+        self.centres
     }
 
     /// Vertex indices of all triangles.

@@ -34,6 +34,9 @@ pub(super) trait Lanes: Copy {
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
+    fn div(self, other: Self) -> Self;
+    /// The magnitude of `self` with the sign of `of`.
+    fn with_sign(self, of: Self) -> Self;
     /// First guess of [`Self::rough_inverse_sqrt`].
     fn inverse_sqrt_guess(self) -> Self;
 
@@ -97,6 +100,14 @@ impl Lanes for f32 {
         self * other
     }
     #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self / other
+    }
+    #[inline(always)]
+    fn with_sign(self, of: Self) -> Self {
+        self.copysign(of)
+    }
+    #[inline(always)]
     fn inverse_sqrt_guess(self) -> Self {
         f32::from_bits(ROUGH_GUESS.wrapping_sub(self.to_bits() >> 1))
     }
@@ -155,6 +166,16 @@ impl Lanes for [f32; 2] {
     fn mul(self, [c, d]: Self) -> Self {
         let [a, b] = self;
         [a * c, b * d]
+    }
+    #[inline(always)]
+    fn div(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a / c, b / d]
+    }
+    #[inline(always)]
+    fn with_sign(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a.copysign(c), b.copysign(d)]
     }
     #[inline(always)]
     fn inverse_sqrt_guess(self) -> Self {
@@ -223,6 +244,14 @@ macro_rules! simd_lanes {
             #[inline(always)]
             fn mul(self, other: Self) -> Self {
                 self * other
+            }
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                self / other
+            }
+            #[inline(always)]
+            fn with_sign(self, of: Self) -> Self {
+                fearless_simd::SimdFloat::copysign(self, of)
             }
             #[inline(always)]
             fn inverse_sqrt_guess(self) -> Self {

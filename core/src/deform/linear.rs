@@ -17,7 +17,7 @@ impl Blend for Linear<'_> {
     }
 
     #[inline(always)]
-    fn matrix<L: Lanes>(&self, token: L::Token, slots: Slots<'_>, first: usize) -> [L; 12] {
+    fn matrix<L: Lanes>(&self, token: L::Token, slots: &Slots<'_>, first: usize) -> [L; 12] {
         let mut sum = [L::splat(token, 0.0); 12];
         let mut slots = slots.binds.iter().zip(slots.weights);
         if let Some((&bind, weights)) = slots.next() {

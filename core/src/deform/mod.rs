@@ -4,17 +4,20 @@
 //! vector register is a vertex, so no sum ever crosses lanes and every register width gives the
 //! same bits.
 
+mod dual;
+mod job;
 mod lanes;
 pub mod laplacian;
 mod linear;
 mod output;
 mod plain;
+mod rigid;
 mod skin;
 mod store;
 #[cfg(feature = "simd")]
 mod transpose;
 
 pub use crate::Level;
+pub use job::{NormalMode, SkinJob, SkinMode, skin_blocks};
 pub use output::{Attribute, Output, SizeError, VertexOrder};
 pub use plain::{PlainMesh, skin_plain};
-pub use skin::skin_blocks;

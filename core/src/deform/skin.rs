@@ -5,62 +5,20 @@
 
 use core::ops::Range;
 
-use super::Level;
 use super::lanes::Lanes;
-use super::linear::Linear;
 use super::output::Output;
+use super::rigid::Rigid;
 #[cfg(feature = "simd")]
 use super::store::{Packed, Scattered};
 use super::store::{Store, Strided};
 use crate::asset::{Asset, LANES, Lanes3};
-use crate::math::{Affine12, IDENTITY, inverse_sqrt};
-
-/// Skins a range of blocks: `v = (sum_i w_i M_i D_i^-1) v_d`, normals by the same matrix without
-/// its translation, then to unit length (exact for rotation and uniform scale).
-///
-/// `palette: [binds]` from [`crate::pose::palette`]; `blocks` is cut to those that exist. Vertices
-/// outside the range are not touched. O(slots + vertices)
-pub fn skin_blocks(
-    asset: &Asset<'_>,
-    palette: &[Affine12],
-    blocks: Range<usize>,
-    level: Level,
-    output: &mut Output<'_>,
-) {
-    let end = blocks.end.min(asset.dims().block_count);
-    let job = Job {
-        asset,
-        blend: Linear { palette },
-        blocks: blocks.start.min(end)..end,
-    };
-    match level {
-        Level::Scalar => scalar(&job, output),
-        #[cfg(feature = "simd")]
-        Level::Simd(level) => {
-            // A short last block is not worth a vector kernel that can leave lanes out.
-            let full = asset.dims().vertex_count / LANES;
-            let middle = job.blocks.end.min(full.max(job.blocks.start));
-            let (first, last) = (job.blocks.start..middle, middle..job.blocks.end);
-            let job = Job {
-                blocks: first,
-                ..job
-            };
-            fearless_simd::dispatch!(level, simd => by_width(simd, &job, output));
-            scalar(
-                &Job {
-                    blocks: last,
-                    ..job
-                },
-                output,
-            );
-        }
-    }
-}
+use crate::math::{Affine12, IDENTITY};
 
 /// Blocks that exist, and how they are moved.
-pub(super) struct Job<'j, 'a, B> {
+pub(super) struct Task<'j, 'a, B> {
     pub asset: &'j Asset<'a>,
-    pub blend: B,
+    pub blend: &'j B,
+    pub exact_normals: bool,
     pub blocks: Range<usize>,
 }
 
@@ -69,25 +27,25 @@ pub(super) trait Blend {
     /// The matrix of a block that hangs on one bind.
     fn rigid(&self, bind: u16) -> &Affine12;
     /// Rows of 3 x 4 for lanes `first..first + L::WIDTH` of a block with these slots, two or more.
-    fn matrix<L: Lanes>(&self, token: L::Token, slots: Slots<'_>, first: usize) -> [L; 12];
+    fn matrix<L: Lanes>(&self, token: L::Token, slots: &Slots<'_>, first: usize) -> [L; 12];
 }
 
-/// (bind, weights) of a block's slots, as two slices of one length.
-#[derive(Clone, Copy)]
+/// (bind, weights) of a block's slots, as two slices of one length, and its centres of rotation.
 pub(super) struct Slots<'a> {
     pub binds: &'a [u16],
     pub weights: &'a [[u16; LANES]],
+    pub centre: &'a Lanes3,
 }
 
-fn scalar<B: Blend>(job: &Job<'_, '_, B>, output: &mut Output<'_>) {
+pub(super) fn scalar<B: Blend>(job: &Task<'_, '_, B>, output: &mut Output<'_>) {
     blocks_by::<[f32; 2], _, _>((), job, &mut Strided::new(job.asset.source_order(), output));
 }
 
 #[cfg(feature = "simd")]
 #[inline(always)]
-fn by_width<S: fearless_simd::Simd, B: Blend>(
+pub(super) fn by_width<S: fearless_simd::Simd, B: Blend>(
     simd: S,
-    job: &Job<'_, '_, B>,
+    job: &Task<'_, '_, B>,
     output: &mut Output<'_>,
 ) {
     use fearless_simd::SimdBase;
@@ -101,7 +59,7 @@ fn by_width<S: fearless_simd::Simd, B: Blend>(
 
 #[cfg(feature = "simd")]
 #[inline(always)]
-fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Job<'_, '_, B>, output: &mut Output<'_>) {
+fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Task<'_, '_, B>, output: &mut Output<'_>) {
     if let Some(mut store) = Packed::new(output) {
         blocks_by::<L, _, _>(token, job, &mut store);
     } else if let Some(mut store) = Scattered::new(job.asset.source_order(), output) {
@@ -116,23 +74,30 @@ fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Job<'_, '_, B>, output: 
 }
 
 #[inline(always)]
-fn blocks_by<L: Lanes, B: Blend, S: Store>(token: L::Token, job: &Job<'_, '_, B>, store: &mut S) {
+fn blocks_by<L: Lanes, B: Blend, S: Store>(token: L::Token, job: &Task<'_, '_, B>, store: &mut S) {
+    let mut blended = 0;
     for run in job.asset.runs() {
         let first = run.blocks.start.max(job.blocks.start);
         let end = run.blocks.end.min(job.blocks.end);
-        let skipped = first.saturating_sub(run.blocks.start) * run.slots;
+        let skipped = first.saturating_sub(run.blocks.start);
         let part = Part {
             first,
             slots: run.slots,
-            binds: run.binds.get(skipped..).unwrap_or_default(),
-            weights: run.weights.get(skipped..).unwrap_or_default(),
+            binds: run.binds.get(skipped * run.slots..).unwrap_or_default(),
+            weights: run.weights.get(skipped * run.slots..).unwrap_or_default(),
             positions: job.asset.positions.get(first..end).unwrap_or_default(),
             normals: job.asset.normals.get(first..end).unwrap_or_default(),
+            centres: job
+                .asset
+                .centres
+                .get(blended + skipped..)
+                .unwrap_or_default(),
         };
         if run.slots == 1 {
-            rigid_blocks::<L::Part, B, S>(token, &job.blend, &part, store);
+            rigid_blocks::<L::Part, B, S>(token, job, &part, store);
         } else {
-            blended_blocks::<L, B, S>(token, &job.blend, &part, store);
+            blended_blocks::<L, B, S>(token, job, &part, store);
+            blended += run.blocks.len();
         }
     }
 }
@@ -145,12 +110,15 @@ struct Part<'a> {
     weights: &'a [[u16; LANES]],
     positions: &'a [Lanes3],
     normals: &'a [Lanes3],
+    centres: &'a [Lanes3],
 }
+
+const ORIGIN: Lanes3 = [[0.0; LANES]; 3];
 
 #[inline(always)]
 fn blended_blocks<L: Lanes, B: Blend, S: Store>(
     token: L::Token,
-    blend: &B,
+    job: &Task<'_, '_, B>,
     part: &Part<'_>,
     store: &mut S,
 ) {
@@ -164,9 +132,15 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
     // The square root of a block waits for long chains of operations. Among vectors it comes
     // after the sums of the next block, by which time its input is ready and it delays nothing.
     let mut waiting = None;
-    for (block, ((positions, normals), (binds, weights))) in (part.first..).zip(rest.zip(slots)) {
+    for (at, ((positions, normals), (binds, weights))) in rest.zip(slots).enumerate() {
+        let block = part.first + at;
+        let slots = Slots {
+            binds,
+            weights,
+            centre: part.centres.get(at).unwrap_or(&ORIGIN),
+        };
         for first in (0..LANES).step_by(L::WIDTH) {
-            let sums = blend.matrix::<L>(token, Slots { binds, weights }, first);
+            let sums = job.blend.matrix::<L>(token, &slots, first);
             for part in (0..L::WIDTH).step_by(L::Part::WIDTH) {
                 let matrix = some_lanes(token, &sums, part);
                 let first = first + part;
@@ -175,7 +149,13 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
                 if !wants_normals {
                     continue;
                 }
-                let normal = (block, first, turn(&matrix, load(token, normals, first)));
+                let rest = load(token, normals, first);
+                let normal = if job.exact_normals {
+                    turn_exactly(token, &matrix, rest)
+                } else {
+                    turn(&matrix, rest)
+                };
+                let normal = (block, first, normal);
                 let normal = if L::Part::WIDTH > 1 {
                     waiting.replace(normal)
                 } else {
@@ -205,18 +185,18 @@ fn some_lanes<L: Lanes>(token: L::Token, sums: &[L; 12], first: usize) -> [L::Pa
 #[inline(always)]
 fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
     token: L::Token,
-    blend: &B,
+    job: &Task<'_, '_, B>,
     part: &Part<'_>,
     store: &mut S,
 ) {
     let wants_normals = store.wants_normals();
     let rest = part.positions.iter().zip(part.normals);
     let mut held = None;
-    let mut rigid = Rigid::of(&IDENTITY);
+    let mut rigid = Rigid::of(&IDENTITY, false);
     for (block, (&bind, (positions, normals))) in (part.first..).zip(part.binds.iter().zip(rest)) {
         if held != Some(bind) {
             held = Some(bind);
-            rigid = Rigid::of(blend.rigid(bind));
+            rigid = Rigid::of(job.blend.rigid(bind), job.exact_normals);
         }
         let mut matrix = [L::splat(token, 0.0); 12];
         for first in (0..LANES).step_by(L::WIDTH) {
@@ -239,58 +219,8 @@ fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
     }
 }
 
-/// The matrix of a bind, and what it does to normals.
-struct Rigid {
-    matrix: Affine12,
-    normals: Affine12,
-    /// Whether `normals` leaves unit vectors at unit length.
-    keeps_length: bool,
-}
-
-impl Rigid {
-    /// A rotation with a uniform scale, divided by that, keeps the length of normals, which saves
-    /// a square root for each.
-    #[inline]
-    fn of(matrix: &Affine12) -> Self {
-        let &[ax, bx, cx, _, ay, by, cy, _, az, bz, cz, _] = matrix;
-        let [aa, bb, cc] = [
-            ax * ax + ay * ay + az * az,
-            bx * bx + by * by + bz * bz,
-            cx * cx + cy * cy + cz * cz,
-        ];
-        let odd = [
-            aa - bb,
-            aa - cc,
-            ax * bx + ay * by + az * bz,
-            ax * cx + ay * cy + az * cz,
-            bx * cx + by * cy + bz * cz,
-        ];
-        let limit = UNIFORM * aa;
-        let mut keeps_length = (1e-12..=1e12).contains(&aa);
-        for value in odd {
-            keeps_length &= (-limit..=limit).contains(&value);
-        }
-        let mut normals = *matrix;
-        if keeps_length {
-            let factor = inverse_sqrt(aa);
-            for value in &mut normals {
-                *value *= factor;
-            }
-        }
-        Self {
-            matrix: *matrix,
-            normals,
-            keeps_length,
-        }
-    }
-}
-
-/// How far columns of a matrix, relative to their squared length, may be from equally long and
-/// perpendicular: a hundred times the rounding of a chain of joints.
-const UNIFORM: f32 = 1e-5;
-
 #[inline(always)]
-fn load<L: Lanes>(token: L::Token, from: &Lanes3, first: usize) -> [L; 3] {
+pub(super) fn load<L: Lanes>(token: L::Token, from: &Lanes3, first: usize) -> [L; 3] {
     [
         L::load(token, &from[0], first),
         L::load(token, &from[1], first),
@@ -318,6 +248,38 @@ fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
         for (sum, row) in turned.iter_mut().zip(m.as_chunks::<4>().0) {
             *sum = sum.add(row[column].mul(coordinate));
         }
+    }
+    turned
+}
+
+/// By the inverse transpose, times the determinant's magnitude: the matrix of cofactors.
+#[inline(always)]
+fn turn_exactly<L: Lanes>(token: L::Token, m: &[L; 12], normal: [L; 3]) -> [L; 3] {
+    let &[a, b, c, _, d, e, f, _, g, h, i, _] = m;
+    let rows = [
+        [
+            e.mul(i).sub(f.mul(h)),
+            f.mul(g).sub(d.mul(i)),
+            d.mul(h).sub(e.mul(g)),
+        ],
+        [
+            c.mul(h).sub(b.mul(i)),
+            a.mul(i).sub(c.mul(g)),
+            b.mul(g).sub(a.mul(h)),
+        ],
+        [
+            b.mul(f).sub(c.mul(e)),
+            c.mul(d).sub(a.mul(f)),
+            a.mul(e).sub(b.mul(d)),
+        ],
+    ];
+    let [[x, y, z], ..] = rows;
+    let determinant = a.mul(x).add(b.mul(y)).add(c.mul(z));
+    let sign = L::splat(token, 1.0).with_sign(determinant);
+    let mut turned = [sign; 3];
+    for (to, [x, y, z]) in turned.iter_mut().zip(rows) {
+        let [nx, ny, nz] = normal;
+        *to = to.mul(x.mul(nx).add(y.mul(ny)).add(z.mul(nz)));
     }
     turned
 }

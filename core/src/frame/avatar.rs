@@ -2,10 +2,10 @@
 
 use core::borrow::BorrowMut;
 
-use super::buffers::Progress;
-use super::{Budget, Flags, FrameReport, State, Workspace};
+use super::buffers::{Progress, dual_len, dual_parts};
+use super::{Budget, Flags, FrameReport, State, Workspace, any_mode_workspace_len};
 use crate::asset::Asset;
-use crate::deform::{Level, Output, SizeError, skin_blocks};
+use crate::deform::{Level, NormalMode, Output, SizeError, SkinJob, SkinMode};
 use crate::pose::{self, Joint12, Local, Transform};
 
 /// What moves an avatar in a frame.
@@ -56,7 +56,11 @@ pub struct Avatar<'r, 'a> {
     local: &'r mut [Local],
     model: &'r mut [Joint12],
     palette: &'r mut [Joint12],
+    /// What the workspace has besides.
+    spare: &'r mut [f32],
     level: Level,
+    mode: SkinMode,
+    normals: NormalMode,
 }
 
 impl<'r, 'a> Avatar<'r, 'a> {
@@ -70,7 +74,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
         workspace: &'r mut Workspace<W>,
     ) -> Result<Self, SizeError> {
         let (progress, local) = state.parts(asset.dims())?;
-        let (model, palette) = workspace.parts(asset.dims())?;
+        let scratch = workspace.parts(asset.dims())?;
         if !progress.posed {
             pose::rest(asset, local);
             *progress = Progress {
@@ -82,10 +86,40 @@ impl<'r, 'a> Avatar<'r, 'a> {
             asset,
             progress,
             local,
-            model,
-            palette,
+            model: scratch.model,
+            palette: scratch.palette,
+            spare: scratch.rest,
             level: Level::best(),
+            mode: SkinMode::Linear,
+            normals: NormalMode::Fast,
         })
+    }
+
+    /// Blends transforms in another way than linearly.
+    ///
+    /// # Errors
+    /// [`ModeError`] where the workspace is smaller than [`any_mode_workspace_len`], or where the
+    /// asset was baked without the data.
+    pub fn with_mode(mut self, mode: SkinMode) -> Result<Self, ModeError> {
+        let dims = self.asset.dims();
+        if mode != SkinMode::Linear && self.spare.len() < dual_len(dims) {
+            return Err(ModeError::Workspace {
+                needed: any_mode_workspace_len(dims),
+            });
+        }
+        let blended = dims.block_count - dims.rigid_block_count.min(dims.block_count);
+        if mode == SkinMode::CentresOfRotation && dims.centre_block_count != blended {
+            return Err(ModeError::NoCentres);
+        }
+        self.mode = mode;
+        Ok(self)
+    }
+
+    /// Moves normals in another way than by the position's matrix.
+    #[must_use]
+    pub fn with_normals(mut self, normals: NormalMode) -> Self {
+        self.normals = normals;
+        self
     }
 
     /// Uses other instructions than the best ones. The output's bits stay the same.
@@ -173,7 +207,20 @@ impl<'r, 'a> Avatar<'r, 'a> {
             self.progress.next_block.min(blocks)
         };
         let end = first.saturating_add(count);
-        let mut run = |range| skin_blocks(self.asset, self.palette, range, self.level, output);
+        let mut job = SkinJob {
+            mode: self.mode,
+            normals: self.normals,
+            level: self.level,
+            ..SkinJob::linear(self.palette)
+        };
+        if self.mode != SkinMode::Linear
+            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
+        {
+            pose::rotations(self.asset, self.local, rotations);
+            job.stretched = pose::duals(self.asset, self.palette, rotations, duals);
+            job.duals = duals;
+        }
+        let mut run = |range| job.run(self.asset, range, output);
         if end <= blocks {
             run(first..end);
             self.progress.next_block = if end == blocks { 0 } else { end };
@@ -187,6 +234,37 @@ impl<'r, 'a> Avatar<'r, 'a> {
         report.blocks_left = blocks - count;
     }
 }
+
+/// A mode that cannot be had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[non_exhaustive]
+pub enum ModeError {
+    /// The workspace is too small.
+    Workspace {
+        /// Numbers needed.
+        needed: usize,
+    },
+    /// The asset holds no centres of rotation.
+    NoCentres,
+}
+
+impl core::fmt::Display for ModeError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Workspace { needed } => write!(
+                f,
+                "this mode needs a workspace of {needed} numbers; size it by any_mode_workspace_len"
+            ),
+            Self::NoCentres => write!(
+                f,
+                "the asset holds no centres of rotation; bake it with them"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for ModeError {}
 
 /// `seconds` into one round of `duration`.
 fn wrap(seconds: f32, duration: f32) -> f32 {

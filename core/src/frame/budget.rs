@@ -132,6 +132,7 @@ mod tests {
         slot_count: 5,
         rigid_block_count: 1,
         run_count: 2,
+        centre_block_count: 0,
         triangle_count: 0,
         index_bytes: 2,
         part_count: 0,

@@ -4,10 +4,13 @@ use core::borrow::BorrowMut;
 
 use crate::asset::Dims;
 use crate::deform::SizeError;
-use crate::pose::{Joint12, Local};
+use crate::math::Quat4;
+use crate::pose::{Dual17, Joint12, Local};
 
 const LOCAL: usize = 10;
 const MATRIX: usize = 12;
+const QUATERNION: usize = 4;
+const DUAL: usize = 17;
 
 /// Numbers that a [`State`] needs.
 #[must_use]
@@ -19,6 +22,17 @@ pub const fn state_len(dims: &Dims) -> usize {
 #[must_use]
 pub const fn workspace_len(dims: &Dims) -> usize {
     (dims.joint_count + dims.bind_count) * MATRIX
+}
+
+/// Numbers that a [`Workspace`] needs for every skinning mode.
+#[must_use]
+pub const fn any_mode_workspace_len(dims: &Dims) -> usize {
+    workspace_len(dims) + dual_len(dims)
+}
+
+/// Numbers that the modes other than linear blending need besides.
+pub(super) const fn dual_len(dims: &Dims) -> usize {
+    dims.joint_count * QUATERNION + dims.bind_count * DUAL
 }
 
 /// What an avatar remembers from one frame to the next.
@@ -109,22 +123,45 @@ impl<B: BorrowMut<[f32]>> Workspace<B> {
         Self { numbers }
     }
 
-    /// Model matrices `[joints]` and palette `[binds]`.
-    pub(super) fn parts(
-        &mut self,
-        dims: &Dims,
-    ) -> Result<(&mut [Joint12], &mut [Joint12]), SizeError> {
-        let numbers = exactly(self.numbers.borrow_mut(), workspace_len(dims), "workspace")?;
-        let matrices: &mut [Joint12] = numbers.as_chunks_mut().0;
-        let joints = dims.joint_count.min(matrices.len());
-        matrices
-            .split_at_mut_checked(joints)
-            .ok_or(SizeError::TooSmall {
-                buffer: "workspace",
-                needed: workspace_len(dims),
-                found: 0,
-            })
+    pub(super) fn parts(&mut self, dims: &Dims) -> Result<Scratch<'_>, SizeError> {
+        let numbers = self.numbers.borrow_mut();
+        let error = SizeError::TooSmall {
+            buffer: "workspace",
+            needed: workspace_len(dims),
+            found: numbers.len(),
+        };
+        let (model, rest) = numbers
+            .split_at_mut_checked(dims.joint_count * MATRIX)
+            .ok_or(error)?;
+        let (palette, rest) = rest
+            .split_at_mut_checked(dims.bind_count * MATRIX)
+            .ok_or(error)?;
+        Ok(Scratch {
+            model: model.as_chunks_mut().0,
+            palette: palette.as_chunks_mut().0,
+            rest,
+        })
     }
+}
+
+/// A workspace, cut up.
+pub(super) struct Scratch<'b> {
+    /// `[joints]`
+    pub model: &'b mut [Joint12],
+    /// `[binds]`
+    pub palette: &'b mut [Joint12],
+    /// What the workspace has besides.
+    pub rest: &'b mut [f32],
+}
+
+/// Rotations `[joints]` and dual quaternions `[binds]` in a workspace's rest.
+pub(super) fn dual_parts<'b>(
+    dims: &Dims,
+    rest: &'b mut [f32],
+) -> Option<(&'b mut [Quat4], &'b mut [Dual17])> {
+    let (rotations, rest) = rest.split_at_mut_checked(dims.joint_count * QUATERNION)?;
+    let duals = rest.get_mut(..dims.bind_count * DUAL)?;
+    Some((rotations.as_chunks_mut().0, duals.as_chunks_mut().0))
 }
 
 fn exactly<'b>(

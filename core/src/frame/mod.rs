@@ -6,8 +6,8 @@ mod buffers;
 mod fingerprint;
 mod report;
 
-pub use avatar::{Avatar, Input};
+pub use avatar::{Avatar, Input, ModeError};
 pub use budget::{Budget, Cost, cost};
-pub use buffers::{State, Workspace, state_len, workspace_len};
+pub use buffers::{State, Workspace, any_mode_workspace_len, state_len, workspace_len};
 pub use fingerprint::Fingerprint;
 pub use report::{Flags, FrameReport};

@@ -4,7 +4,9 @@ use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat4};
+use sinew_core::asset::Asset;
 use sinew_core::math::Affine12;
+use sinew_core::pose::{self, Dual17};
 use sinew_host::import::gltf::read_gltf;
 use sinew_host::model::Avatar;
 
@@ -45,6 +47,19 @@ impl Body {
             .map(|x| x as f32)
         };
         self.pose.iter().map(rows).collect()
+    }
+
+    /// Joints, in the order of the binds, have no scale.
+    pub fn duals(&self, asset: &Asset<'_>) -> Vec<Dual17> {
+        let mut rotations = vec![[0.0; 4]; asset.dims().joint_count];
+        for (bind, pose) in self.pose.iter().enumerate() {
+            let (joint, _) = asset.bind(bind).expect("as many binds");
+            rotations[joint] = DQuat::from_mat3(&pose.matrix3).as_quat().to_array();
+        }
+        let mut duals = vec![[0.0; 17]; self.pose.len()];
+        let stretched = pose::duals(asset, &self.palette(), &rotations, &mut duals);
+        assert!(!stretched);
+        duals
     }
 
     pub fn affine(&self) -> Vec<Affine3A> {

@@ -5,6 +5,7 @@
 //! input gives the same bytes.
 
 pub mod blocks;
+pub mod centres;
 pub mod clips;
 pub mod write;
 
@@ -18,6 +19,8 @@ use clips::KeyTolerance;
 pub struct BakeOptions {
     /// Keys whose absence changes less than this are left out.
     pub key_tolerance: KeyTolerance,
+    /// Whether to find centres of rotation ([`centres`]), which one skinning mode needs.
+    pub centres: bool,
 }
 
 /// An asset and what is known about how it came about.
@@ -110,7 +113,10 @@ impl AssetBytes {
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
     let clips = clips::reduce(avatar, options.key_tolerance);
-    let bytes = write::write(avatar, &blocks, &clips)?;
+    let centres = options
+        .centres
+        .then(|| centres::centres(&avatar.mesh, &avatar.skin));
+    let bytes = write::write(avatar, &blocks, &clips, centres.as_deref())?;
     let bytes = AssetBytes::new(&bytes);
     let dims = *bytes.asset()?.dims();
     let lengths = SectionKind::ALL.iter();

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use sinew_core::asset::{
     ALIGNMENT, Dims, HEADER_BYTES, LANES, LARGEST, MAGIC, NO_PARENT, SECTION_ROW_BYTES,
     SectionKind, VERSION, crc32,
@@ -17,10 +17,18 @@ use crate::model::{Avatar, Channel, Interpolation};
 ///
 /// # Errors
 /// [`BakeError`] where the body exceeds the format.
-pub fn write(avatar: &Avatar, blocks: &Blocks, clips: &SparseClips) -> Result<Vec<u8>, BakeError> {
+pub fn write(
+    avatar: &Avatar,
+    blocks: &Blocks,
+    clips: &SparseClips,
+    centres: Option<&[DVec3]>,
+) -> Result<Vec<u8>, BakeError> {
     let mut writer = Writer::default();
     writer.skeleton(avatar)?;
     writer.blocks(avatar, blocks)?;
+    if let Some(centres) = centres {
+        writer.centres(blocks, centres)?;
+    }
     writer.triangles(avatar, blocks)?;
     writer.clips(clips)?;
     writer.finish()
@@ -86,6 +94,12 @@ impl Writer {
             }
         }
         self.put(SectionKind::InverseBind, &inverse);
+        let rotations = binds.iter().map(|bind| {
+            let rotation = crate::model::nearest_rotation(&bind.inverse_bind.matrix3);
+            rotation.as_quat().to_array()
+        });
+        let rotations: Vec<[f32; 4]> = rotations.collect();
+        self.put(SectionKind::BindRotations, rotations.as_flattened());
         let names: Vec<[u32; 2]> = joints.iter().map(|joint| self.name(&joint.name)).collect();
         self.put(SectionKind::JointNames, names.as_flattened());
         Ok(())
@@ -106,22 +120,23 @@ impl Writer {
         let weights: Vec<[u16; LANES]> = slots().map(|slot| slot.weights).collect();
         self.put(SectionKind::SlotWeights, weights.as_flattened());
         self.put(SectionKind::Order, &blocks.order);
-        let mut positions = Vec::with_capacity(blocks.blocks.len() * 24);
-        let mut normals = Vec::with_capacity(blocks.blocks.len() * 24);
-        for block in blocks.order.chunks(LANES) {
-            let lanes: [usize; LANES] = std::array::from_fn(|lane| {
-                *block.get(lane).unwrap_or(&block[block.len() - 1]) as usize
-            });
-            for axis in 0..3 {
-                for vertex in lanes {
-                    let what = || format!("position of vertex {vertex}");
-                    positions.push(fits(mesh.positions[vertex][axis], what)?);
-                    normals.push(mesh.normals[vertex][axis] as f32);
-                }
-            }
-        }
+        let all = blocks.order.chunks(LANES);
+        let position = |vertex: usize| mesh.positions[vertex];
+        let positions = lanes(all.clone(), position, "position")?;
         self.put(SectionKind::Positions, &positions);
+        let normals = lanes(all, |vertex| mesh.normals[vertex], "normal")?;
         self.put(SectionKind::Normals, &normals);
+        Ok(())
+    }
+
+    /// Of blocks with two or more slots.
+    fn centres(&mut self, blocks: &Blocks, centres: &[DVec3]) -> Result<(), BakeError> {
+        let vertices = blocks.order.chunks(LANES).zip(&blocks.blocks);
+        let blended = vertices.filter(|(_, slots)| slots.len() > 1);
+        let blended = blended.map(|(vertices, _)| vertices);
+        let numbers = lanes(blended, |vertex| centres[vertex], "centre")?;
+        self.dims.centre_block_count = numbers.len() / (3 * LANES);
+        self.put(SectionKind::Centres, &numbers);
         Ok(())
     }
 
@@ -233,6 +248,25 @@ impl Writer {
         out[16..20].copy_from_slice(&checksum.to_le_bytes());
         Ok(out)
     }
+}
+
+/// x of eight vertices, y, z, for each block; a short block repeats its last vertex.
+fn lanes<'b>(
+    blocks: impl Iterator<Item = &'b [u32]>,
+    of: impl Fn(usize) -> DVec3,
+    what: &str,
+) -> Result<Vec<f32>, BakeError> {
+    let mut numbers = Vec::new();
+    for block in blocks {
+        for axis in 0..3 {
+            for lane in 0..LANES {
+                let vertex = *block.get(lane).unwrap_or(&block[block.len() - 1]) as usize;
+                let what = || format!("{what} of vertex {vertex}");
+                numbers.push(fits(of(vertex)[axis], what)?);
+            }
+        }
+    }
+    Ok(numbers)
 }
 
 /// Keys whose times stay apart when rounded to `f32`; of those that fall together the last.

@@ -8,7 +8,7 @@ mod check_clip;
 mod check_mesh;
 mod check_skeleton;
 
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
 
 pub use crate::import::{Channel, Interpolation, Notice, Transform};
 use crate::import::{ImportError, ImportErrorKind, RawAvatar, RawMesh, RawMotion};
@@ -109,6 +109,30 @@ pub struct Bind {
     pub joint: usize,
     /// From mesh space to the joint's space.
     pub inverse_bind: DAffine3,
+}
+
+/// The rotation nearest to a matrix: its polar factor, of a mirroring matrix the opposite of it, of
+/// one that cannot be inverted none (Higham, *Computing the Polar Decomposition*, 1986).
+#[must_use]
+pub fn nearest_rotation(matrix: &DMat3) -> DQuat {
+    let mut factor = *matrix;
+    if factor.determinant() < 0.0 {
+        factor *= -1.0;
+    }
+    for _ in 0..40 {
+        let inverse = factor.transpose().inverse();
+        if !inverse.is_finite() {
+            return DQuat::IDENTITY;
+        }
+        // Balanced, so that large scales converge as fast as small ones.
+        let norm = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>();
+        let scale = (norm(&inverse) / norm(&factor)).sqrt().sqrt();
+        factor = (factor * scale + inverse * (1.0 / scale)) * 0.5;
+    }
+    if !factor.is_finite() {
+        return DQuat::IDENTITY;
+    }
+    DQuat::from_mat3(&factor).normalize()
 }
 
 /// Which joints move a vertex.

@@ -2,9 +2,10 @@
 //!
 //! Slow and simple on purpose: what the core computes is judged against these.
 
+pub mod dual;
 pub mod laplacian;
 pub mod pose;
 pub mod skin;
 mod unpack;
 
-pub use unpack::unpack;
+pub use unpack::{unpack, unpack_centres};

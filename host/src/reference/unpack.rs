@@ -21,6 +21,22 @@ pub fn unpack(asset: &Asset<'_>) -> Avatar {
     }
 }
 
+/// Centres of rotation in the source's vertex order; a vertex's own place where the asset has none
+/// for it.
+#[must_use]
+pub fn unpack_centres(asset: &Asset<'_>) -> Vec<DVec3> {
+    let mut centres = mesh(asset).positions;
+    let blocks = asset.source_order().chunks(LANES).enumerate();
+    let blended = blocks.filter(|&(block, _)| asset.slots(block).len() > 1);
+    for ((_, vertices), [x, y, z]) in blended.zip(asset.centres()) {
+        for (lane, &source) in vertices.iter().enumerate() {
+            let centre = [x[lane], y[lane], z[lane]].map(f64::from);
+            centres[source as usize] = DVec3::from_array(centre);
+        }
+    }
+    centres
+}
+
 fn skeleton(asset: &Asset<'_>) -> Skeleton {
     let joint = |index: usize| {
         let rest = asset.rest(index)?.map(f64::from);

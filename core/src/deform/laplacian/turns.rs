@@ -13,7 +13,7 @@
 use core::borrow::BorrowMut;
 
 use super::super::output::SizeError;
-use crate::math::{Quat4, conjugate, dot4, normalise, quat_product};
+use crate::math::{Quat4, conjugate, dot4, normalise, quaternion_product};
 
 /// Cosine of half the angle between neighbours at which the base moves: 200 degrees. Joints of a
 /// body do not reach it, so ordinary motion never depends on its history.
@@ -177,7 +177,7 @@ impl Turns<'_> {
     pub fn since_base(&self, marker: usize) -> Quat4 {
         let rotation = self.markers.get(marker).map_or(NO_TURN, rotation_of);
         match self.base.get(marker) {
-            Some(&base) if *self.based => quat_product(rotation, conjugate(base)),
+            Some(&base) if *self.based => quaternion_product(rotation, conjugate(base)),
             _ => rotation,
         }
     }
@@ -186,7 +186,7 @@ impl Turns<'_> {
     pub fn row(&self, row: usize, blend: Quat4) -> Quat4 {
         let base = self.rows.get(row).copied().filter(|_| *self.based);
         match (normalise(blend), base) {
-            (Some(turn), Some(base)) => quat_product(turn, base),
+            (Some(turn), Some(base)) => quaternion_product(turn, base),
             (Some(turn), None) => turn,
             (None, base) => base.unwrap_or(NO_TURN),
         }

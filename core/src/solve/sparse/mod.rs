@@ -37,7 +37,7 @@
 //! };
 //! let factor = Factor::new_checked(parts)?;
 //! // Two systems at once: the solutions are (1, 1, 1) and (0, 0, 1).
-//! let mut x = [[14.0, 8.0, 0.0, 0.0], [36.0, 19.0, 0.0, 0.0], [100.0, 77.0, 0.0, 0.0]];
+//! let mut x = [[14.0, 8.0, 0.0, 0.0], [31.0, 19.0, 0.0, 0.0], [104.0, 77.0, 0.0, 0.0]];
 //! factor.solve(&mut x, Level::best());
 //! for row in [0, 1, 2] {
 //!     assert!((x[row][0] - 1.0).abs() < 1e-5);

@@ -1,0 +1,150 @@
+//! What a skinning call is asked to do, and the choice of kernel.
+
+use core::ops::Range;
+
+use super::Level;
+use super::dual::{Centres, DualQuaternion};
+use super::linear::Linear;
+use super::output::Output;
+use super::skin::{self, Blend, Task};
+use crate::asset::Asset;
+#[cfg(feature = "simd")]
+use crate::asset::LANES;
+use crate::math::Affine12;
+use crate::pose::Dual17;
+
+/// How the transforms of several binds become one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum SkinMode {
+    /// Weighted sum of matrices (Mažrimas & Beinaravičius, section 2). Bends and twists lose volume.
+    #[default]
+    Linear,
+    /// Weighted sum of unit dual quaternions, after a linear blend of what is not rotation
+    /// (Kavan, Collins, Zara and O'Sullivan, *Geometric Skinning with Approximate Dual Quaternion
+    /// Blending*, 2008). Twists keep their volume, bends bulge a little.
+    DualQuaternion,
+    /// Blended rotation about a centre found beforehand (Le and Hodgins, *Real-time Skeletal
+    /// Skinning with Optimized Centers of Rotation*, 2016). Needs an asset with centres.
+    CentresOfRotation,
+}
+
+/// What moves normals.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum NormalMode {
+    /// The matrix of the position: exact for rotation and uniform scale.
+    #[default]
+    Fast,
+    /// Its inverse transpose: exact for every matrix that can be inverted.
+    InverseTranspose,
+}
+
+/// A skinning call over borrowed handles; [`SkinJob::linear`] and struct update make one.
+#[derive(Clone, Copy, Debug)]
+pub struct SkinJob<'p> {
+    /// `[binds]` from [`crate::pose::palette`].
+    pub palette: &'p [Affine12],
+    /// `[binds]` from [`crate::pose::duals`]; unused in [`SkinMode::Linear`].
+    pub duals: &'p [Dual17],
+    /// Whether some bind has a stretch, as [`crate::pose::duals`] said.
+    pub stretched: bool,
+    /// How transforms are blended.
+    pub mode: SkinMode,
+    /// What moves normals.
+    pub normals: NormalMode,
+    /// Instructions; the output's bits do not depend on them.
+    pub level: Level,
+}
+
+impl<'p> SkinJob<'p> {
+    /// Linear blend, fast normals, best level.
+    #[must_use]
+    pub fn linear(palette: &'p [Affine12]) -> Self {
+        Self {
+            palette,
+            duals: &[],
+            stretched: false,
+            mode: SkinMode::Linear,
+            normals: NormalMode::Fast,
+            level: Level::best(),
+        }
+    }
+
+    /// Skins a range of blocks; those that do not exist are left out, vertices of other blocks are
+    /// not touched.
+    ///
+    /// Where the asset has no centres of rotation they count as the origin.
+    /// O(slots + vertices)
+    pub fn run(&self, asset: &Asset<'_>, blocks: Range<usize>, output: &mut Output<'_>) {
+        match self.mode {
+            SkinMode::Linear => self.blend(asset, blocks, self.linear_blend(), output),
+            SkinMode::DualQuaternion => self.blend(asset, blocks, self.dual_blend(), output),
+            SkinMode::CentresOfRotation => {
+                self.blend(asset, blocks, Centres(self.dual_blend()), output);
+            }
+        }
+    }
+
+    fn linear_blend(&self) -> Linear<'p> {
+        Linear {
+            palette: self.palette,
+        }
+    }
+
+    fn dual_blend(&self) -> DualQuaternion<'p> {
+        DualQuaternion {
+            palette: self.palette,
+            duals: self.duals,
+            stretched: self.stretched,
+        }
+    }
+
+    fn blend<B: Blend>(
+        &self,
+        asset: &Asset<'_>,
+        blocks: Range<usize>,
+        blend: B,
+        output: &mut Output<'_>,
+    ) {
+        let end = blocks.end.min(asset.dims().block_count);
+        let blocks = blocks.start.min(end)..end;
+        let task = |blocks| Task {
+            asset,
+            blend: &blend,
+            exact_normals: self.normals == NormalMode::InverseTranspose,
+            blocks,
+        };
+        match self.level {
+            Level::Scalar => skin::scalar(&task(blocks), output),
+            #[cfg(feature = "simd")]
+            Level::Simd(level) => {
+                // A short last block is not worth a vector kernel that can leave lanes out.
+                let full = asset.dims().vertex_count / LANES;
+                let middle = blocks.end.min(full.max(blocks.start));
+                let (whole, short) = (task(blocks.start..middle), task(middle..blocks.end));
+                fearless_simd::dispatch!(level, simd => skin::by_width(simd, &whole, output));
+                skin::scalar(&short, output);
+            }
+        }
+    }
+}
+
+/// Skins a range of blocks: `v = (sum_i w_i M_i D_i^-1) v_d`, normals by the same matrix without
+/// its translation, then to unit length (exact for rotation and uniform scale).
+///
+/// `palette: [binds]` from [`crate::pose::palette`]; `blocks` is cut to those that exist. Vertices
+/// outside the range are not touched. O(slots + vertices)
+pub fn skin_blocks(
+    asset: &Asset<'_>,
+    palette: &[Affine12],
+    blocks: Range<usize>,
+    level: Level,
+    output: &mut Output<'_>,
+) {
+    let job = SkinJob {
+        level,
+        ..SkinJob::linear(palette)
+    };
+    job.run(asset, blocks, output);
+}
