@@ -6,6 +6,7 @@
 mod despike;
 pub mod fill;
 mod linear;
+pub mod merge;
 mod neighbours;
 mod rigid;
 pub mod smooth;
