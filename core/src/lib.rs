@@ -4,6 +4,7 @@
 //! | --- | --- | --- |
 //! | [`asset`] | bytes | typed views, checked once |
 //! | [`pose`] | a clip and a time, or a caller's pose | joint matrices |
+//! | [`solve`] | a factored sparse system | its solution, in place |
 //! | [`deform`] | joint matrices | vertices, in blocks of eight |
 //! | [`frame`] | input and budget | a whole frame and a report |
 //!
@@ -21,5 +22,9 @@
 pub mod asset;
 pub mod deform;
 pub mod frame;
+mod level;
 pub mod math;
 pub mod pose;
+pub mod solve;
+
+pub use level::Level;

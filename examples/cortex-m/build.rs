@@ -1,11 +1,13 @@
-//! Which asset goes into the firmware, and where the linker finds `memory.x`.
+//! Which asset goes into the firmware, and where the linker finds its scripts.
 
 use std::path::Path;
+use std::process::Command;
 use std::{env, fs};
 
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     println!("cargo:rustc-link-search={}", root.display());
+    println!("cargo:rustc-link-arg-bins=-Tlink.x");
     println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
 
     println!("cargo:rerun-if-env-changed=SINEW_ASSET");
@@ -17,4 +19,15 @@ fn main() {
         .unwrap_or_else(|error| panic!("the asset {}: {error}", asset.display()));
     println!("cargo:rerun-if-changed={}", asset.display());
     println!("cargo:rustc-env=SINEW_ASSET_PATH={}", asset.display());
+
+    println!("cargo:rustc-env=SINEW_COMPILER={}", compiler());
+}
+
+/// Version of the compiler, as in "1.95.0".
+fn compiler() -> String {
+    let rustc = env::var_os("RUSTC").unwrap_or("rustc".into());
+    let output = Command::new(rustc).arg("--version").output();
+    let text = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
+    let text = text.unwrap_or_default();
+    text.split_whitespace().nth(1).unwrap_or("unknown").into()
 }

@@ -98,7 +98,7 @@ def npm(packages, package, name, sha256):
     """Path of a package from npm."""
     path = packages / name
     if not path.exists():
-        run("npm", "pack", package, "--pack-destination", packages)
+        run("npm", "pack", "--loglevel", "error", package, "--pack-destination", packages)
     return verified(path, sha256)
 
 

@@ -10,7 +10,8 @@
 //! | [`clean`] | a marker capture | the same, merged, filled and smoothed |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`bake`] | a validated body | the asset |
-//! | [`reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`mod@reference`] | a body or an asset | what the core should compute, in `f64` |
+//! | [`studio`] | a body and a seed | virtual captures with the truth beside them |
 //! | [`play`], [`verify`] | an asset and motion | what the core computes, and how far off it is |
 //! | [`film`], [`export`] | validated values, frames | pictures, files that other programs read |
 //! | [`cli`] | a command line | all of it |
@@ -28,5 +29,6 @@ pub mod import;
 pub mod model;
 pub mod play;
 pub mod reference;
+pub mod studio;
 pub mod take;
 pub mod verify;

@@ -3,7 +3,7 @@
 use sinew_core::asset::Asset;
 use sinew_core::deform::{Level, Output};
 use sinew_core::frame::{
-    Avatar, Budget, FrameReport, Input, State, Workspace, state_len, workspace_len,
+    Avatar, Budget, Fingerprint, FrameReport, Input, State, Workspace, state_len, workspace_len,
 };
 use sinew_core::pose;
 
@@ -71,6 +71,31 @@ impl<'a> Player<'a> {
     pub fn normals(&self) -> &[[f32; 3]] {
         &self.normals
     }
+}
+
+/// Hash over the positions and normals of the first clip at all its sample times, in the source
+/// mesh's vertex order: what the examples for firmware and browsers print, to compare machines with.
+/// An asset without clips gives that of its rest pose. O(frames x vertices).
+#[must_use]
+pub fn fingerprint(asset: &Asset<'_>, level: Level) -> u64 {
+    let mut player = Player::new(*asset).with_level(level);
+    let mut hash = Fingerprint::new();
+    let mut add = |input: &Input<'_>| {
+        player.step(input);
+        hash.update(player.positions().as_flattened());
+        hash.update(player.normals().as_flattened());
+    };
+    match asset.clip(0) {
+        None => add(&Input::Rest),
+        Some(clip) => clip.sample_times().for_each(|seconds| {
+            add(&Input::Clip {
+                index: 0,
+                seconds,
+                looped: false,
+            });
+        }),
+    }
+    hash.value()
 }
 
 /// Motion for a player, with the times at which it is to be shown.

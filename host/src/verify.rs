@@ -3,10 +3,10 @@
 use glam::DVec3;
 use sinew_core::asset::Asset;
 use sinew_core::deform::Level;
-use sinew_core::frame::{Fingerprint, Input};
+use sinew_core::frame::Input;
 
 use crate::model::Avatar;
-use crate::play::{Player, frame_times};
+use crate::play::{Player, fingerprint, frame_times};
 use crate::reference;
 
 /// How far the core is from the oracle over all clips, at every sample and halfway between.
@@ -24,7 +24,7 @@ pub struct VerifyReport {
     pub worst_normal: f64,
     /// Bodies of this height, metres.
     pub height: f64,
-    /// Hash over all positions and normals, frame by frame.
+    /// See [`fingerprint`].
     pub fingerprint: u64,
     /// Whether one vertex at a time gives the same bits as the best instructions.
     pub levels_agree: bool,
@@ -69,7 +69,6 @@ pub fn verify(
     };
     let mut player = Player::new(*asset);
     let mut scalar = Player::new(*asset).with_level(Level::Scalar);
-    let mut hash = Fingerprint::new();
     let mut sum = 0.0;
     let moments = moments(asset);
     for (done, &(clip, seconds)) in moments.iter().enumerate() {
@@ -89,8 +88,6 @@ pub fn verify(
         };
         report.levels_agree &= bits(player.positions(), scalar.positions())
             && bits(player.normals(), scalar.normals());
-        hash.update(player.positions().as_flattened());
-        hash.update(player.normals().as_flattened());
         let local = match clip {
             Some(index) => {
                 // The core sees the time as `f32`, so the oracle must too.
@@ -116,7 +113,7 @@ pub fn verify(
     }
     report.frames = moments.len();
     report.mean_error = sum / (moments.len() * truth.mesh.positions.len()) as f64;
-    report.fingerprint = hash.value();
+    report.fingerprint = fingerprint(asset, Level::best());
     report
 }
 

@@ -153,7 +153,7 @@ fn data_at_fault_ends_with_1_and_names_place_and_remedy() {
         ("empty.bvh", Vec::new(), "empty"),
         ("garbage.bvh", vec![0x9C; 500], "garbage.bvh"),
         ("nan.bvh", nan.into_bytes(), "nan.bvh:"),
-        ("open.bvh", walk[..300].as_bytes().to_vec(), "open.bvh"),
+        ("open.bvh", walk.as_bytes()[..300].to_vec(), "open.bvh"),
         ("cut.glb", glb[..glb.len() / 2].to_vec(), "cut.glb"),
         ("short.glb", b"glTF".to_vec(), "short.glb"),
         ("bad.sinew", vec![7; 4096], "sinew bake"),
@@ -223,10 +223,61 @@ fn wrong_usage_ends_with_2() {
 
 #[test]
 fn every_command_has_help_with_an_example() {
-    for command in ["demo", "inspect", "bake", "play", "verify", "cost"] {
+    for command in [
+        "demo", "inspect", "bake", "play", "verify", "cost", "studio",
+    ] {
         let output = sinew(&[command, "--help"]);
         let help = String::from_utf8_lossy(&output.stdout).into_owned();
         assert_eq!(status(&output), 0);
         assert!(help.contains(&format!("sinew {command}")), "{help}");
     }
+}
+
+#[test]
+fn studio_writes_a_capture_with_its_truth() {
+    let folder = Folder::new("studio");
+    let out = folder.path("capture");
+    let (mesh, motion) = (text(data("human.glb")), text(data("walk.bvh")));
+    let arguments = [
+        "studio",
+        "--mesh",
+        &mesh,
+        "--motion",
+        &motion,
+        "--out",
+        &out,
+        "--markers",
+        "set41",
+        "--cameras",
+        "8",
+        "--seconds",
+        "0.5",
+    ];
+    let first = object(&arguments);
+    assert_eq!(first["statistics"]["markers"], 41);
+    assert_eq!(first["statistics"]["frames"], 61);
+    assert_eq!(first, object(&arguments), "the same again");
+    let description = fs::read(Path::new(&out).join("studio.json")).expect("written");
+    let description: Value = serde_json::from_slice(&description).expect("JSON");
+    assert_eq!(description["cameras"].as_array().map(Vec::len), Some(8));
+    let truth = object(&["inspect", &format!("{out}/truth.c3d")]);
+    assert!(truth.to_string().contains("LKNE"), "{truth}");
+    for name in [
+        "capture.c3d",
+        "labelled.c3d",
+        "markers.png",
+        "cameras.png",
+        "visible.png",
+    ] {
+        assert!(Path::new(&out).join(name).exists(), "{name}");
+    }
+    let mut many = arguments;
+    many[10] = "99";
+    let refused = sinew(&many);
+    assert_eq!(status(&refused), 1, "{}", words(&refused));
+    assert!(
+        words(&refused).contains("between 2 and 32"),
+        "{}",
+        words(&refused)
+    );
 }

@@ -181,7 +181,7 @@ def facing(points, index, hip, arm):
     return np.array([-across[2], 0, across[0]])  # across x up
 
 
-def retarget(body, motion, lift, keep_origin):
+def retarget(body, motion, keep_origin):
     """Model-space rotations and positions `[frames, joints]` of the body's joints."""
     at = {name: k for k, name in enumerate(body["names"])}
     of = {name: k for k, name in enumerate(motion["names"])}
@@ -256,10 +256,19 @@ def retarget(body, motion, lift, keep_origin):
 
     loose = positions(np.zeros(3))
     root = middle - (loose[:, at["LeftUpLeg"]] + loose[:, at["RightUpLeg"]]) / 2
-    root[:, 1] += lift
     if not keep_origin:
-        root[:, [0, 2]] -= root[0, [0, 2]]
+        root[:, [0, 2]] -= middle[0, [0, 2]]
     return rotations, positions(root)
+
+
+def floor_lift(body, rotations, positions):
+    """Metres that bring the median over all frames of the lowest point of the feet to y = 0."""
+    feet = [k for k, name in enumerate(body["names"]) if name.endswith(("Foot", "ToeBase"))]
+    heaviest = np.take_along_axis(body["joints"], body["weights"].argmax(1)[:, None], 1)[:, 0]
+    chosen = np.isin(heaviest, feet)
+    part = {**body, **{key: body[key][chosen] for key in ("positions", "joints", "weights")}}
+    lowest = sorted(skin(part, rotations, positions, k)[:, 1].min() for k in range(len(rotations)))
+    return -lowest[len(lowest) // 2]
 
 
 def skin(body, rotations, positions, frame):
@@ -282,7 +291,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--body", type=Path, default=DATA / "human.glb")
     parser.add_argument("--motion", type=Path, default=DATA / "walk.bvh")
-    parser.add_argument("--lift", type=float, default=0.0, help="metres added to the height")
+    parser.add_argument("--lift", type=float, help="metres added to the height; soles on the floor where absent")
     parser.add_argument("--keep-origin", action="store_true", help="start where the clip starts")
     parser.add_argument("--npy", type=Path, help="output of `sinew play` to compare with")
     parser.add_argument("--write", type=Path, help="where to write this computation")
@@ -290,10 +299,11 @@ def main():
     options = parser.parse_args()
 
     body, motion = read_glb(options.body), read_bvh(options.motion)
-    rotations, positions = retarget(body, motion, options.lift, options.keep_origin)
+    rotations, positions = retarget(body, motion, options.keep_origin)
+    lift = floor_lift(body, rotations, positions) if options.lift is None else options.lift
+    positions = positions + [0, lift, 0]
     frames = len(rotations)
-    lowest = min(skin(body, rotations, positions, k)[:, 1].min() for k in range(frames))
-    print(f"{frames} frames, {len(body['positions'])} vertices, lowest point {lowest:.6f} m")
+    print(f"{frames} frames, {len(body['positions'])} vertices, lifted by {lift:.9f} m")
     if options.write:
         out = np.lib.format.open_memmap(options.write, "w+", np.float32, (frames, len(body["positions"]), 3))
         for k in range(frames):

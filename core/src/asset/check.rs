@@ -3,7 +3,8 @@
 use bytemuck::{Pod, try_cast_slice};
 
 use super::header::{
-    AT_CHECKED, AT_CHECKSUM, AT_RESERVED, AT_SECTION_COUNT, AT_TOTAL_BYTES, AT_VERSION, word,
+    AT_CHECKED, AT_CHECKSUM, AT_DIMS, AT_RESERVED, AT_SECTION_COUNT, AT_TOTAL_BYTES, AT_VERSION,
+    DIMS_USED, word,
 };
 use super::{
     ALIGNMENT, Asset, AssetError, Channel, Dims, HEADER_BYTES, LANES, LARGEST, MAGIC, NO_PARENT,
@@ -22,7 +23,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         rest: sections.view(SectionKind::Rest)?,
         bind_joints: sections.view(SectionKind::BindJoints)?,
         inverse_bind: sections.view(SectionKind::InverseBind)?,
-        block_slots: sections.view(SectionKind::BlockSlots)?,
+        runs: sections.view(SectionKind::Runs)?,
         slot_binds: sections.view(SectionKind::SlotBinds)?,
         slot_weights: sections.view(SectionKind::SlotWeights)?,
         positions: sections.view(SectionKind::Positions)?,
@@ -89,6 +90,7 @@ impl<'a> Sections<'a> {
         }
         all_zero(bytes, AT_RESERVED, AT_RESERVED + 8)?;
         let dims = Dims::read(bytes);
+        all_zero(bytes, AT_DIMS + 4 * DIMS_USED, HEADER_BYTES)?;
         check_counts(&dims)?;
         if word(bytes, AT_SECTION_COUNT) != SECTIONS {
             return Err(AssetError::SectionOrder {
@@ -336,31 +338,39 @@ fn check_mesh(asset: &Asset<'_>) -> Result<(), AssetError> {
 }
 
 fn check_blocks(asset: &Asset<'_>) -> Result<(), AssetError> {
-    let section = SectionKind::BlockSlots;
-    let slots = asset.dims.slot_count;
-    let mut rigid = 0;
-    let mut end = 0;
-    for (block, &after) in asset.block_slots.iter().enumerate() {
-        let after = after as usize;
-        // Ascending, and every block has a slot: the first row is 0.
-        let steps = if block == 0 { after == 0 } else { after > end };
-        if !steps || after > slots {
-            return Err(AssetError::Index {
-                section,
-                row: block,
-                value: after,
-                limit: slots,
-            });
+    let (mut rigid, mut block, mut slot) = (0, 0, 0);
+    for (row, &[first, count, slots, first_slot]) in asset.runs.iter().enumerate() {
+        let index = |value: u32, limit| {
+            Err(AssetError::Index {
+                section: SectionKind::Runs,
+                row,
+                value: value as usize,
+                limit,
+            })
+        };
+        let (first, first_slot) = (first as usize, first_slot as usize);
+        if first != block || first_slot != slot {
+            return index(first as u32, block);
         }
-        rigid += usize::from(block > 0 && after - end == 1);
-        end = after;
+        let (count, slots) = (count as usize, slots as usize);
+        if count == 0 || slots == 0 {
+            return index(0, 1);
+        }
+        rigid += if slots == 1 { count } else { 0 };
+        block = block.saturating_add(count);
+        slot = slot.saturating_add(count.saturating_mul(slots));
     }
-    if end != slots {
+    if block != asset.dims.block_count || slot != asset.dims.slot_count {
+        let (value, limit) = if block == asset.dims.block_count {
+            (slot, asset.dims.slot_count)
+        } else {
+            (block, asset.dims.block_count)
+        };
         return Err(AssetError::Index {
-            section,
-            row: asset.dims.block_count,
-            value: end,
-            limit: slots,
+            section: SectionKind::Runs,
+            row: asset.dims.run_count,
+            value,
+            limit,
         });
     }
     if rigid != asset.dims.rigid_block_count {

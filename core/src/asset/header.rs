@@ -10,7 +10,7 @@ pub const VERSION: u32 = 1;
 pub const ALIGNMENT: usize = 16;
 
 /// Bytes before the section table.
-pub const HEADER_BYTES: usize = 96;
+pub const HEADER_BYTES: usize = 160;
 
 /// Bytes of one row of the section table.
 pub const SECTION_ROW_BYTES: usize = 16;
@@ -35,7 +35,9 @@ pub(crate) const AT_CHECKED: usize = 20;
 pub(crate) const AT_SECTION_COUNT: usize = 20;
 pub(crate) const AT_RESERVED: usize = 24;
 pub(crate) const AT_DIMS: usize = 32;
-pub(crate) const DIMS_WORDS: usize = 16;
+pub(crate) const DIMS_WORDS: usize = 32;
+/// Words beyond these are zero.
+pub(crate) const DIMS_USED: usize = 17;
 
 /// All counts of an asset. They size every buffer and bound the cost of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,6 +55,8 @@ pub struct Dims {
     pub slot_count: usize,
     /// Blocks that have one slot and so need no blending.
     pub rigid_block_count: usize,
+    /// Stretches of blocks that have the same number of slots.
+    pub run_count: usize,
     /// Triangles of the mesh.
     pub triangle_count: usize,
     /// Bytes of a vertex index, 2 or 4.
@@ -126,13 +130,14 @@ impl Dims {
             key_time_count: word(bytes, AT_DIMS + 52),
             key_value_count: word(bytes, AT_DIMS + 56),
             name_bytes: word(bytes, AT_DIMS + 60),
+            run_count: word(bytes, AT_DIMS + 64),
         }
     }
 
     /// The counts as they stand in the header.
     #[must_use]
     pub const fn to_words(&self) -> [usize; DIMS_WORDS] {
-        [
+        let counts: [usize; DIMS_USED] = [
             self.joint_count,
             self.bind_count,
             self.vertex_count,
@@ -149,7 +154,15 @@ impl Dims {
             self.key_time_count,
             self.key_value_count,
             self.name_bytes,
-        ]
+            self.run_count,
+        ];
+        let mut words = [0; DIMS_WORDS];
+        let mut at = 0;
+        while at < DIMS_USED {
+            words[at] = counts[at];
+            at += 1;
+        }
+        words
     }
 }
 
@@ -177,8 +190,8 @@ pub enum SectionKind {
     BindJoints = u32::from_le_bytes(*b"BJNT"),
     /// `f32 [binds x 12]`: inverse bind matrices, rows of 3 x 4.
     InverseBind = u32::from_le_bytes(*b"BINV"),
-    /// `u32 [blocks + 1]`: first slot of each block, then the slot count.
-    BlockSlots = u32::from_le_bytes(*b"KSLT"),
+    /// `u32 [runs x 4]`: first block, blocks, slots of each block, first slot.
+    Runs = u32::from_le_bytes(*b"KRUN"),
     /// `u16 [slots]`: bind of each slot.
     SlotBinds = u32::from_le_bytes(*b"SBND"),
     /// `u16 [slots x 8]`: weight of each lane.
@@ -214,7 +227,7 @@ impl SectionKind {
         Self::Rest,
         Self::BindJoints,
         Self::InverseBind,
-        Self::BlockSlots,
+        Self::Runs,
         Self::SlotBinds,
         Self::SlotWeights,
         Self::Positions,
@@ -238,10 +251,7 @@ impl SectionKind {
             Self::Rest => dims.joint_count.checked_mul(40),
             Self::BindJoints => dims.bind_count.checked_mul(2),
             Self::InverseBind => dims.bind_count.checked_mul(48),
-            Self::BlockSlots => match dims.block_count.checked_add(1) {
-                Some(count) => count.checked_mul(4),
-                None => None,
-            },
+            Self::Runs => dims.run_count.checked_mul(16),
             Self::SlotBinds => dims.slot_count.checked_mul(2),
             Self::SlotWeights => dims.slot_count.checked_mul(16),
             Self::Positions | Self::Normals => dims.block_count.checked_mul(96),

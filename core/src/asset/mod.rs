@@ -29,7 +29,7 @@ pub struct Asset<'a> {
     pub(crate) rest: &'a [[f32; 10]],
     pub(crate) bind_joints: &'a [u16],
     pub(crate) inverse_bind: &'a [[f32; 12]],
-    pub(crate) block_slots: &'a [u32],
+    pub(crate) runs: &'a [[u32; 4]],
     pub(crate) slot_binds: &'a [u16],
     pub(crate) slot_weights: &'a [[u16; LANES]],
     pub(crate) positions: &'a [Lanes3],
@@ -52,6 +52,18 @@ pub enum Triangles<'a> {
     U16(&'a [u16]),
     /// Larger ones.
     U32(&'a [u32]),
+}
+
+/// Blocks with the same number of slots.
+#[derive(Clone, Debug)]
+pub(crate) struct Run<'a> {
+    pub blocks: core::ops::Range<usize>,
+    /// Of each block, at least 1.
+    pub slots: usize,
+    /// `[blocks x slots]`
+    pub binds: &'a [u16],
+    /// `[blocks x slots]`
+    pub weights: &'a [[u16; LANES]],
 }
 
 /// A named range of triangles.
@@ -226,19 +238,40 @@ impl<'a> Asset<'a> {
     }
 
     /// (bind, weights of the eight lanes) of a block's slots; none for a block that does not
-    /// exist. The weights of a lane sum to [`WEIGHT_ONE`].
+    /// exist. The weights of a lane sum to [`WEIGHT_ONE`]. O(runs)
     #[inline]
     pub fn slots(
         &self,
         block: usize,
     ) -> impl ExactSizeIterator<Item = (u16, &'a [u16; LANES])> + Clone + use<'a> {
-        let range = match (self.block_slots.get(block), self.block_slots.get(block + 1)) {
-            (Some(&first), Some(&end)) => first as usize..end as usize,
-            _ => 0..0,
+        let run = self.runs().find(|run| run.blocks.contains(&block));
+        let (binds, weights) = match run {
+            Some(run) => {
+                let skipped = (block - run.blocks.start) * run.slots;
+                let range = skipped..skipped + run.slots;
+                (run.binds.get(range.clone()), run.weights.get(range))
+            }
+            None => (None, None),
         };
-        let binds = self.slot_binds.get(range.clone()).unwrap_or_default();
-        let weights = self.slot_weights.get(range).unwrap_or_default();
-        binds.iter().copied().zip(weights)
+        let binds = binds.unwrap_or_default().iter().copied();
+        binds.zip(weights.unwrap_or_default())
+    }
+
+    /// Stretches of blocks with the same number of slots, in order.
+    #[inline]
+    pub(crate) fn runs(&self) -> impl Iterator<Item = Run<'a>> + use<'a> {
+        let (binds, weights) = (self.slot_binds, self.slot_weights);
+        self.runs
+            .iter()
+            .map(move |&[block, blocks, slots, first_slot]| {
+                let count = blocks.saturating_mul(slots);
+                Run {
+                    blocks: block as usize..block.saturating_add(blocks) as usize,
+                    slots: slots as usize,
+                    binds: slice(binds, first_slot, count),
+                    weights: slice(weights, first_slot, count),
+                }
+            })
     }
 
     /// Vertex indices of all triangles.

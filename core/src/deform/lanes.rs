@@ -3,9 +3,10 @@
 //! Kernels are written once against [`Lanes`]. Multiply and add stay separate everywhere.
 
 use crate::asset::{LANES, WEIGHT_ONE};
+use crate::math::{ROUGH_FACTORS, ROUGH_GUESS};
 
 /// A weight of one in the asset, so that weights become parts of one.
-const UNIT: f32 = 1.0 / WEIGHT_ONE as f32;
+const WEIGHT_UNIT: f32 = 1.0 / WEIGHT_ONE as f32;
 
 /// The lanes of a block that one register holds.
 pub(super) trait Lanes: Copy {
@@ -13,6 +14,8 @@ pub(super) trait Lanes: Copy {
     type Token: Copy;
     /// What a register holds once sums are complete: fewer lanes where registers are scarce.
     type Part: Lanes<Token = Self::Token>;
+    /// x, y, z of each lane.
+    type Rows: AsRef<[[f32; 3]]>;
     /// Lanes in a register; divides [`LANES`].
     const WIDTH: usize;
 
@@ -23,21 +26,25 @@ pub(super) trait Lanes: Copy {
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
     /// Some of the lanes, from lane `first` of this register on.
     fn part(self, first: usize) -> Self::Part;
-    fn store(self, to: &mut [f32; LANES], first: usize);
+    /// Vertices instead of axes.
+    fn rows(xyz: [Self; 3]) -> Self::Rows;
+    /// Writes vertices `first..first + WIDTH` of a block, nothing between them.
+    #[cfg(feature = "simd")]
+    fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize);
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
-    /// First guess of [`Self::inverse_sqrt`].
+    /// First guess of [`Self::rough_inverse_sqrt`].
     fn inverse_sqrt_guess(self) -> Self;
 
-    /// The same operations in the same order as [`crate::math::inverse_sqrt`].
+    /// The same operations in the same order as [`crate::math::rough_inverse_sqrt`].
     #[inline(always)]
-    fn inverse_sqrt(self, token: Self::Token) -> Self {
+    fn rough_inverse_sqrt(self, token: Self::Token) -> Self {
         let half = Self::splat(token, 0.5).mul(self);
-        let three_halves = Self::splat(token, 1.5);
         let mut y = self.inverse_sqrt_guess();
-        for _ in 0..3 {
-            y = y.mul(three_halves.sub(half.mul(y).mul(y)));
+        for factor in ROUGH_FACTORS {
+            let cubed = half.mul(y).mul(y.mul(y));
+            y = Self::splat(token, factor).mul(y).sub(cubed);
         }
         y
     }
@@ -46,6 +53,7 @@ pub(super) trait Lanes: Copy {
 impl Lanes for f32 {
     type Token = ();
     type Part = Self;
+    type Rows = [[f32; 3]; 1];
     const WIDTH: usize = 1;
 
     #[inline(always)]
@@ -59,16 +67,21 @@ impl Lanes for f32 {
     #[inline(always)]
     fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
         from.get(first)
-            .map_or(0.0, |&weight| f32::from(weight) * UNIT)
+            .map_or(0.0, |&weight| f32::from(weight) * WEIGHT_UNIT)
     }
     #[inline(always)]
     fn part(self, _: usize) -> Self {
         self
     }
     #[inline(always)]
-    fn store(self, to: &mut [f32; LANES], first: usize) {
-        if let Some(to) = to.get_mut(first) {
-            *to = self;
+    fn rows(xyz: [Self; 3]) -> Self::Rows {
+        [xyz]
+    }
+    #[cfg(feature = "simd")]
+    #[inline(always)]
+    fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
+        if let Some(to) = to.as_chunks_mut::<3>().0.get_mut(first) {
+            *to = xyz;
         }
     }
     #[inline(always)]
@@ -85,7 +98,7 @@ impl Lanes for f32 {
     }
     #[inline(always)]
     fn inverse_sqrt_guess(self) -> Self {
-        f32::from_bits(0x5f37_5a86_u32.wrapping_sub(self.to_bits() >> 1))
+        f32::from_bits(ROUGH_GUESS.wrapping_sub(self.to_bits() >> 1))
     }
 }
 
@@ -94,6 +107,7 @@ impl Lanes for f32 {
 impl Lanes for [f32; 2] {
     type Token = ();
     type Part = f32;
+    type Rows = [[f32; 3]; 2];
     const WIDTH: usize = 2;
 
     #[inline(always)]
@@ -109,7 +123,7 @@ impl Lanes for [f32; 2] {
     fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
         let pairs = from.as_chunks().0;
         let [a, b]: [u16; 2] = pairs.get(first / 2).copied().unwrap_or_default();
-        [f32::from(a) * UNIT, f32::from(b) * UNIT]
+        [f32::from(a) * WEIGHT_UNIT, f32::from(b) * WEIGHT_UNIT]
     }
     #[inline(always)]
     fn part(self, first: usize) -> f32 {
@@ -117,9 +131,14 @@ impl Lanes for [f32; 2] {
         if first == 0 { a } else { b }
     }
     #[inline(always)]
-    fn store(self, to: &mut [f32; LANES], first: usize) {
-        if let Some(pair) = to.as_chunks_mut().0.get_mut(first / 2) {
-            *pair = self;
+    fn rows([[ax, bx], [ay, by], [az, bz]]: [Self; 3]) -> Self::Rows {
+        [[ax, ay, az], [bx, by, bz]]
+    }
+    #[cfg(feature = "simd")]
+    #[inline(always)]
+    fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
+        if let Some(to) = to.as_chunks_mut::<6>().0.get_mut(first / 2) {
+            to.copy_from_slice(Self::rows(xyz).as_flattened());
         }
     }
     #[inline(always)]
@@ -146,10 +165,11 @@ impl Lanes for [f32; 2] {
 
 #[cfg(feature = "simd")]
 macro_rules! simd_lanes {
-    ($vector:ident, $bits:ident, $width:literal) => {
+    ($vector:ident, $bits:ident, $width:literal, $transpose:path, $($lane:literal)*) => {
         impl<S: fearless_simd::Simd> Lanes for fearless_simd::$vector<S> {
             type Token = S;
             type Part = Self;
+            type Rows = [[f32; 3]; $width];
             const WIDTH: usize = $width;
 
             #[inline(always)]
@@ -167,17 +187,29 @@ macro_rules! simd_lanes {
                 // Small enough for a signed conversion, which every instruction set has.
                 let part = part.unwrap_or(&[0; $width]).map(i32::from);
                 let part: fearless_simd::$bits<S> = fearless_simd::SimdFrom::simd_from(token, part);
-                let weights: Self = fearless_simd::SimdInt::to_float(part);
-                weights * UNIT
+                let part: Self = fearless_simd::SimdInt::to_float(part);
+                part * <Self as Lanes>::splat(token, WEIGHT_UNIT)
             }
             #[inline(always)]
             fn part(self, _: usize) -> Self {
                 self
             }
             #[inline(always)]
-            fn store(self, to: &mut [f32; LANES], first: usize) {
-                if let Some(to) = to.as_chunks_mut::<$width>().0.get_mut(first / $width) {
-                    *to = self.into();
+            fn rows([x, y, z]: [Self; 3]) -> Self::Rows {
+                let (x, y, z): ([f32; $width], [f32; $width], [f32; $width]) =
+                    (x.into(), y.into(), z.into());
+                // Fixed indices become shuffles of registers.
+                [$([x[$lane], y[$lane], z[$lane]]),*]
+            }
+            #[inline(always)]
+            fn store_rows(xyz: [Self; 3], to: &mut [f32; 3 * LANES], first: usize) {
+                let token = fearless_simd::ExtractToken::token(&xyz[0]);
+                let to = to.as_chunks_mut::<{ 3 * $width }>().0;
+                if let Some(to) = to.get_mut(first / $width) {
+                    let rows = $transpose(token, xyz);
+                    for (to, row) in to.as_chunks_mut::<$width>().0.iter_mut().zip(rows) {
+                        *to = row.into();
+                    }
                 }
             }
             #[inline(always)]
@@ -195,13 +227,13 @@ macro_rules! simd_lanes {
             #[inline(always)]
             fn inverse_sqrt_guess(self) -> Self {
                 let bits = fearless_simd::SimdFloat::to_bits(self) >> 1;
-                fearless_simd::SimdFloat::from_bits(0x5f37_5a86_u32 - bits)
+                fearless_simd::SimdFloat::from_bits(ROUGH_GUESS - bits)
             }
         }
     };
 }
 
 #[cfg(feature = "simd")]
-simd_lanes!(f32x4, i32x4, 4);
+simd_lanes!(f32x4, i32x4, 4, super::transpose::four, 0 1 2 3);
 #[cfg(feature = "simd")]
-simd_lanes!(f32x8, i32x8, 8);
+simd_lanes!(f32x8, i32x8, 8, super::transpose::eight, 0 1 2 3 4 5 6 7);

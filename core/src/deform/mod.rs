@@ -5,12 +5,16 @@
 //! same bits.
 
 mod lanes;
-mod level;
+pub mod laplacian;
+mod linear;
 mod output;
 mod plain;
 mod skin;
+mod store;
+#[cfg(feature = "simd")]
+mod transpose;
 
-pub use level::Level;
+pub use crate::Level;
 pub use output::{Attribute, Output, SizeError, VertexOrder};
 pub use plain::{PlainMesh, skin_plain};
 pub use skin::skin_blocks;

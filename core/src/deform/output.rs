@@ -169,6 +169,23 @@ impl<'o> Output<'o> {
         }
     }
 
+    /// Positions and normals, where each has a buffer without gaps.
+    #[cfg(feature = "simd")]
+    pub(super) fn separated(&mut self) -> Option<(&mut [f32], Option<&mut [f32]>)> {
+        let [first, second] = &mut self.buffers;
+        match (self.positions, self.normals) {
+            (Attribute::PACKED, None) => Some((first, None)),
+            (Attribute::PACKED, Some((Attribute::PACKED, true))) => Some((first, Some(second))),
+            _ => None,
+        }
+    }
+
+    /// Vertices that it was made for.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
     /// Whether it was made for an asset of this size.
     #[must_use]
     pub fn fits(&self, dims: &Dims) -> bool {

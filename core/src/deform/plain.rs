@@ -1,7 +1,7 @@
 //! Skinning of meshes that were not baked: the caller's own arrays, any number of influences.
 
 use super::output::{Output, SizeError};
-use crate::math::{Affine12, inverse_sqrt};
+use crate::math::{Affine12, rough_inverse_sqrt};
 
 /// A mesh in the caller's arrays.
 #[derive(Clone, Copy, Debug)]
@@ -94,7 +94,7 @@ pub fn skin_plain(mesh: &PlainMesh<'_>, palette: &[Affine12], output: &mut Outpu
         if let Some(&normal) = mesh.normals.get(vertex) {
             let turned = crate::math::transform_vector(&matrix, normal);
             let [x, y, z] = turned;
-            let factor = inverse_sqrt(x * x + y * y + z * z + super::skin::SMALLEST_LENGTH2);
+            let factor = rough_inverse_sqrt(x * x + y * y + z * z + super::skin::SMALLEST_LENGTH2);
             output.put_normal(vertex, turned.map(|value| value * factor));
         }
     }

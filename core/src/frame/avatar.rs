@@ -173,14 +173,14 @@ impl<'r, 'a> Avatar<'r, 'a> {
             self.progress.next_block.min(blocks)
         };
         let end = first.saturating_add(count);
-        let mut skin = |range| skin_blocks(self.asset, self.palette, range, self.level, output);
+        let mut run = |range| skin_blocks(self.asset, self.palette, range, self.level, output);
         if end <= blocks {
-            skin(first..end);
+            run(first..end);
             self.progress.next_block = if end == blocks { 0 } else { end };
         } else {
             let wrapped = end - blocks;
-            skin(first..blocks);
-            skin(0..wrapped);
+            run(first..blocks);
+            run(0..wrapped);
             self.progress.next_block = wrapped;
         }
         report.blocks_done = count;

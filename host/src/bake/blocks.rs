@@ -57,13 +57,16 @@ pub fn arrange(skin: &Skin) -> Blocks {
         }
     }
     join_leftovers(rest, &mut members);
-    // Only the last block may be short. The others go by their binds, so that neighbours in
-    // memory use the same matrices.
+    // Only the last block may be short. The others go by the number of binds, so that the core
+    // runs one loop for many, then by the binds, so that neighbours use the same matrices.
     let short = members
         .iter()
         .position(|block| block.len() < LANES)
         .map(|at| members.remove(at));
-    members.sort_by_cached_key(|block| (union(block, &weights), block[0]));
+    members.sort_by_cached_key(|block| {
+        let binds = union(block, &weights);
+        (binds.len(), binds, block[0])
+    });
     members.extend(short);
     Blocks {
         blocks: members.iter().map(|block| slots(block, &weights)).collect(),
@@ -101,6 +104,22 @@ fn join_leftovers(mut rest: Vec<(Vec<u16>, Vec<u32>)>, members: &mut Vec<Vec<u32
             }
         }
         members.push(block);
+    }
+}
+
+impl Blocks {
+    /// Stretches of blocks with the same number of slots: first block, blocks, slots of each,
+    /// first slot.
+    #[must_use]
+    pub fn runs(&self) -> Vec<[u32; 4]> {
+        let (mut runs, mut block, mut slot) = (Vec::new(), 0, 0);
+        for run in self.blocks.chunk_by(|a, b| a.len() == b.len()) {
+            let (blocks, slots) = (run.len() as u32, run[0].len() as u32);
+            runs.push([block, blocks, slots, slot]);
+            block += blocks;
+            slot += blocks * slots;
+        }
+        runs
     }
 }
 

@@ -1,7 +1,7 @@
 //! A validated body in, an asset out.
 //!
 //! [`bake`] orders vertices into blocks of eight that share binds ([`blocks`]), turns clips into
-//! sparse keys ([`clips`]) and lays everything out as `core/SPEC.md` says ([`write`]). The same
+//! sparse keys ([`clips`]) and lays everything out as `core/SPEC.md` says ([`mod@write`]). The same
 //! input gives the same bytes.
 
 pub mod blocks;

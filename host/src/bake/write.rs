@@ -97,11 +97,9 @@ impl Writer {
         self.dims.block_count = blocks.blocks.len();
         self.dims.slot_count = blocks.blocks.iter().map(Vec::len).sum();
         self.dims.rigid_block_count = blocks.blocks.iter().filter(|b| b.len() == 1).count();
-        let mut starts = vec![0_u32];
-        for block in &blocks.blocks {
-            starts.push(starts[starts.len() - 1] + block.len() as u32);
-        }
-        self.put(SectionKind::BlockSlots, &starts);
+        let runs = blocks.runs();
+        self.dims.run_count = runs.len();
+        self.put(SectionKind::Runs, runs.as_flattened());
         let slots = || blocks.blocks.iter().flatten();
         let slot_binds: Vec<u16> = slots().map(|slot| slot.bind).collect();
         self.put(SectionKind::SlotBinds, &slot_binds);

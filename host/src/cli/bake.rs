@@ -2,19 +2,19 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::{Value, json};
 
 use super::load::Reading;
 use super::say::{Say, bytes, notices_json, thousands};
-use super::verify::{tell as tell_error, to_json as error_json};
+use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
 use crate::bake::{BakeOptions, BakeReport, Baked, bake};
 use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, floor, retarget};
 use crate::import::Place;
 use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
-use crate::verify::{BAKE_LIMIT, verify};
+use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
 /// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
@@ -44,12 +44,8 @@ pub(crate) struct Fitting {
     /// The motion's joint SOURCE drives the body's joint TARGET, whatever their names suggest.
     #[arg(long, value_name = "SOURCE=TARGET")]
     map: Vec<String>,
-    /// Metres in the motion file's unit of length, where the guess is wrong.
-    #[arg(long, value_name = "METRES")]
-    unit: Option<f64>,
-    /// The axis that points up in the motion file.
-    #[arg(long, value_enum, default_value_t = Up::Y)]
-    up: Up,
+    #[command(flatten)]
+    pub reading: Reading,
     /// Count rotations from this frame (0 is the first) instead of the motion's rest pose, where
     /// the actor stands straight in it and not in the rest pose.
     #[arg(long, value_name = "FRAME")]
@@ -59,30 +55,7 @@ pub(crate) struct Fitting {
     keep_height: bool,
 }
 
-/// An axis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Up {
-    #[default]
-    Y,
-    Z,
-}
-
 impl Fitting {
-    pub fn reading(&self) -> Result<Reading, Failure> {
-        if self
-            .unit
-            .is_some_and(|unit| !(unit.is_finite() && unit > 0.0))
-        {
-            return Err(Failure::Usage(
-                "--unit must be a positive number of metres".into(),
-            ));
-        }
-        Ok(Reading {
-            unit: self.unit,
-            z_up: self.up == Up::Z,
-        })
-    }
-
     /// The motion on the body's skeleton, standing on the floor.
     pub fn fit(
         &self,
@@ -146,7 +119,7 @@ impl Bake {
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
         for path in &self.motion {
-            let (motion, more) = load::motion(path, self.fitting.reading()?)?;
+            let (motion, more) = load::motion(path, self.fitting.reading)?;
             say.notices(&path.display().to_string(), &more);
             let name = path.file_stem().unwrap_or_default().to_string_lossy();
             let (clip, fit_notices) = self.fitting.fit(&motion, &body, &name)?;
@@ -158,13 +131,7 @@ impl Bake {
         let baked = bake(&body, &BakeOptions::default())?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
-        let bar = say.progress("measuring", 0);
-        let error = verify(&asset, &body, |done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        });
-        bar.finish_and_clear();
-        tell_error(&error, say);
+        let error = measure(&asset, &body, say);
         let length = baked.bytes.as_slice().len();
         cost::tell(&asset, length, Budget::UNLIMITED, say);
         write(&baked, &self.output)?;

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use super::bake::{Fitting, tell as tell_bake, to_json as bake_json, write};
 use super::say::{Say, bytes};
-use super::verify::{tell as tell_error, to_json as error_json};
+use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost};
 use crate::bake::{BakeOptions, bake};
 use crate::export::write_atomic;
@@ -18,7 +18,7 @@ use crate::import::gltf::read_gltf;
 use crate::import::read_bvh;
 use crate::model::{Avatar, Motion};
 use crate::play::Motion as Shown;
-use crate::verify::{BAKE_LIMIT, verify};
+use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
 /// Import the bundled body and its captured walk, bake them, play and verify the asset, draw it.
@@ -54,13 +54,7 @@ impl Demo {
         let path = |name: &str| self.out.join(name);
         write(&baked, &path("human.sinew"))?;
         say.line("3. verify: the core against the oracle, at every sample and halfway between");
-        let bar = say.progress("verifying", 0);
-        let error = verify(&asset, &body, |done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        });
-        bar.finish_and_clear();
-        tell_error(&error, say);
+        let error = measure(&asset, &body, say);
         let length = baked.bytes.as_slice().len();
         cost::tell(&asset, length, Budget::UNLIMITED, say);
         say.line("4. play");

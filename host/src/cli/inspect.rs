@@ -7,11 +7,11 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use sinew_core::asset::{Asset, Dims, SectionKind};
 
-use super::bake::Up;
 use super::load::{Loaded, Reading};
 use super::say::{Say, bytes, notices_json, thousands};
 use super::{Failure, load};
 use crate::model::{Avatar, Channel, Clip, Mesh, Motion, Skeleton};
+use crate::take::Take;
 
 /// Say what any supported file or asset holds: counts, extents, joints, clips, what was repaired.
 #[derive(Args)]
@@ -19,33 +19,25 @@ use crate::model::{Avatar, Channel, Clip, Mesh, Motion, Skeleton};
 Examples:
   sinew inspect body.glb
   sinew inspect walk.bvh --json
-  sinew inspect scan.obj --unit 0.001")]
+  sinew inspect scan.obj --unit mm
+  sinew inspect take.c3d --up z")]
 pub(crate) struct Inspect {
-    /// A .glb, .gltf, .obj, .bvh or .sinew.
+    /// A .glb, .gltf, .obj, .ply, .bvh, .c3d, .trc, .csv or .sinew.
     file: PathBuf,
-    /// Metres in the file's unit of length, where the file does not say.
-    #[arg(long, value_name = "METRES")]
-    unit: Option<f64>,
-    /// The axis that points up in a motion file.
-    #[arg(long, value_enum, default_value_t = Up::Y)]
-    up: Up,
+    #[command(flatten)]
+    reading: Reading,
 }
 
 impl Inspect {
     pub fn run(self, say: &Say) -> Result<Value, Failure> {
-        let (loaded, notices) = load::any(
-            &self.file,
-            Reading {
-                unit: self.unit,
-                z_up: self.up == Up::Z,
-            },
-        )?;
+        let (loaded, notices) = load::any(&self.file, self.reading)?;
         let name = self.file.display().to_string();
         say.line(&name);
         let mut object = match &loaded {
             Loaded::Avatar(avatar) => body(avatar, say),
             Loaded::Motion(motion) => capture(motion, say),
             Loaded::Mesh(mesh) => surface(mesh, say),
+            Loaded::Take(take) => markers(take, say),
             Loaded::Asset(file) => {
                 let asset = file
                     .asset()
@@ -172,6 +164,58 @@ fn capture(file: &Motion, say: &Say) -> Value {
     let skeleton = hierarchy(&file.skeleton, say);
     let clip = motion(&file.clip, say);
     json!({ "kind": "motion", "skeleton": skeleton, "clips": [clip], "end_sites": file.end_sites.len() })
+}
+
+fn markers(take: &Take, say: &Say) -> Value {
+    let markers = take.marker_count();
+    let seconds = take.frame_count() as f64 / take.rate();
+    say.line(format!(
+        "  markers   {markers}, {} frames at {:.2} a second ({seconds:.2} s)",
+        thousands(take.frame_count() as u64),
+        take.rate(),
+    ));
+    let gaps: Vec<usize> = (0..markers)
+        .flat_map(|m| take.gaps(m).map(|gap| gap.len()))
+        .collect();
+    say.line(format!(
+        "  missing   {:.2} % of samples in {} gaps, the longest {} frames; {} frames complete",
+        take.missing_fraction() * 100.0,
+        thousands(gaps.len() as u64),
+        thousands(gaps.iter().copied().max().unwrap_or(0) as u64),
+        thousands(take.complete_frame_count() as u64),
+    ));
+    let bounds = take.bounds();
+    if let Some((low, high)) = bounds {
+        let size = high - low;
+        say.line(format!(
+            "  extent    {:.3} x {:.3} x {:.3} m",
+            size.x, size.y, size.z
+        ));
+    }
+    let source = take.source();
+    say.line(format!(
+        "  source    {}, {} up",
+        source.unit.symbol(),
+        source.up.symbol()
+    ));
+    let rows = take.labels().iter().enumerate().map(|(marker, label)| {
+        json!({
+            "label": label,
+            "missing": take.missing_count(marker),
+            "gaps": take.gaps(marker).count(),
+        })
+    });
+    json!({
+        "kind": "markers",
+        "markers": rows.collect::<Vec<_>>(),
+        "frames": take.frame_count(),
+        "rate_hz": take.rate(),
+        "missing_fraction": take.missing_fraction(),
+        "complete_frames": take.complete_frame_count(),
+        "extent_m": bounds.map(|(low, high)| json!({ "min": low.to_array(), "max": high.to_array() })),
+        "unit": source.unit.symbol(),
+        "up": source.up.symbol(),
+    })
 }
 
 fn packed(asset: &Asset<'_>, length: usize, say: &Say) -> Value {

@@ -3,33 +3,74 @@
 use std::error::Error;
 use std::path::Path;
 
+use clap::{Args, ValueEnum};
+
 use super::Failure;
 use crate::bake::AssetBytes;
 use crate::import::gltf::read_gltf;
+use crate::import::take::{LengthUnit, TakeOptions, UpAxis, read_take};
 use crate::import::{
-    BvhOptions, ImportError, ImportErrorKind, Notice, Place, read_bvh_with, read_obj,
+    BvhOptions, ImportError, ImportErrorKind, Notice, Place, read_bvh_with, read_obj, read_ply,
 };
 use crate::model::{Avatar, Mesh, Motion};
+use crate::take::Take;
 
 /// A file's contents, checked.
 pub(crate) enum Loaded {
     Avatar(Box<Avatar>),
     Motion(Box<Motion>),
     Mesh(Box<Mesh>),
+    Take(Box<Take>),
     Asset(AssetBytes),
 }
 
-/// How to read what a file does not say.
-#[derive(Clone, Copy, Debug, Default)]
+/// How to read what a file does not say, or says wrongly.
+#[derive(Args, Clone, Copy, Debug, Default)]
 pub(crate) struct Reading {
-    /// Metres in the file's unit of length.
-    pub unit: Option<f64>,
-    /// Whether Z is up instead of Y.
-    pub z_up: bool,
+    /// Unit of length of a motion, mesh or marker file: mm, cm, dm, m, in, ft, or metres in it.
+    #[arg(long, value_parser = parse_unit)]
+    unit: Option<Unit>,
+    /// The axis that points up in a motion or marker file.
+    #[arg(long, value_enum)]
+    up: Option<Up>,
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Unit {
+    Named(LengthUnit),
+    Metres(f64),
+}
+
+impl Unit {
+    fn metres(self) -> f64 {
+        match self {
+            Self::Named(unit) => unit.metres(),
+            Self::Metres(metres) => metres,
+        }
+    }
+}
+
+fn parse_unit(text: &str) -> Result<Unit, String> {
+    let named = LengthUnit::parse(text).map(Unit::Named);
+    let metres = text
+        .parse()
+        .ok()
+        .filter(|&metres: &f64| metres.is_finite() && metres > 0.0);
+    named
+        .or(metres.map(Unit::Metres))
+        .ok_or_else(|| "give mm, cm, dm, m, in, ft, or a positive number of metres".to_owned())
+}
+
+/// An axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Up {
+    Y,
+    Z,
 }
 
 /// What is read, by name ending.
-const READABLE: &str = ".glb, .gltf, .obj, .bvh or .sinew";
+const READABLE: &str = ".glb, .gltf, .obj, .ply, .bvh, .c3d, .trc, .csv or .sinew";
 
 /// Reads a file of any kind.
 pub(crate) fn any(path: &Path, reading: Reading) -> Result<(Loaded, Vec<Notice>), Failure> {
@@ -48,19 +89,25 @@ pub(crate) fn any(path: &Path, reading: Reading) -> Result<(Loaded, Vec<Notice>)
         }
         "bvh" => {
             let options = BvhOptions {
-                unit_metres: reading.unit,
-                z_up: reading.z_up,
+                unit_metres: reading.unit.map(Unit::metres),
+                z_up: reading.up == Some(Up::Z),
                 ..BvhOptions::default()
             };
             let raw = read_bvh_with(&read(path)?, &name, &options)?;
             let (motion, notices) = Motion::new(raw, &name)?;
             (Loaded::Motion(Box::new(motion)), notices)
         }
-        "obj" => {
-            let (raw, mut notices) = read_obj(&read(path)?, &name, reading.unit.unwrap_or(1.0))?;
+        "obj" | "ply" => {
+            let parse = if ending == "ply" { read_ply } else { read_obj };
+            let unit = reading.unit.map_or(1.0, Unit::metres);
+            let (raw, mut notices) = parse(&read(path)?, &name, unit)?;
             let (mesh, more) = Mesh::new(raw, &name)?;
             notices.extend(more);
             (Loaded::Mesh(Box::new(mesh)), notices)
+        }
+        "c3d" | "trc" | "csv" => {
+            let (take, notices) = take(path, reading)?;
+            (Loaded::Take(Box::new(take)), notices)
         }
         "sinew" => (Loaded::Asset(asset(path)?), Vec::new()),
         _ => {
@@ -90,6 +137,27 @@ pub(crate) fn motion(path: &Path, reading: Reading) -> Result<(Motion, Vec<Notic
             path.display()
         ))),
     }
+}
+
+/// Reads a marker capture.
+pub(crate) fn take(path: &Path, reading: Reading) -> Result<(Take, Vec<Notice>), Failure> {
+    let unit = reading.unit.map(|unit| match unit {
+        Unit::Named(unit) => Ok(unit),
+        Unit::Metres(metres) => Err(Failure::Usage(format!(
+            "--unit {metres}: marker files need a name: mm, cm, dm, m, in or ft"
+        ))),
+    });
+    let options = TakeOptions {
+        unit: unit.transpose()?,
+        up: reading.up.map(|up| match up {
+            Up::Y => UpAxis::PlusY,
+            Up::Z => UpAxis::PlusZ,
+        }),
+        ..TakeOptions::default()
+    };
+    let raw = read_take(path, &options)?;
+    let (take, more) = Take::from_raw(&raw).map_err(|error| fault(path, &error))?;
+    Ok((take, [raw.notices, more].concat()))
 }
 
 /// Reads an asset's bytes; whether they are sound is for the caller to ask.

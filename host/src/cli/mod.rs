@@ -11,6 +11,7 @@ mod inspect;
 mod load;
 mod play;
 mod say;
+mod studio;
 mod verify;
 
 use std::process::ExitCode;
@@ -27,6 +28,7 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew studio --mesh body.glb --motion walk.bvh --out capture
 
 Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
 struct Arguments {
@@ -49,6 +51,7 @@ enum Command {
     Play(play::Play),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
+    Studio(Box<studio::Studio>),
 }
 
 /// Why a command ended early.
@@ -79,6 +82,7 @@ pub fn run() -> ExitCode {
         Command::Play(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
+        Command::Studio(command) => command.run(&say),
     };
     match done {
         Ok(object) => {

@@ -124,7 +124,7 @@ impl Play {
     /// The motion and the seconds between its samples.
     fn motion(&self, body: &Avatar, say: &Say) -> Result<(Motion, Option<f64>), Failure> {
         if let Some(path) = &self.motion {
-            let (motion, notices) = load::motion(path, self.fitting.reading()?)?;
+            let (motion, notices) = load::motion(path, self.fitting.reading)?;
             let (clip, more) = self.fitting.fit(&motion, body, "motion")?;
             say.notices(&path.display().to_string(), &[notices, more].concat());
             let period = clip.sample_period;

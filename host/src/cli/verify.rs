@@ -4,9 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
+use sinew_core::asset::Asset;
 
 use super::say::Say;
 use super::{Failure, load};
+use crate::model::Avatar;
 use crate::reference;
 use crate::verify::{CORE_LIMIT, VerifyReport, verify};
 
@@ -25,13 +27,7 @@ impl Verify {
             .asset()
             .map_err(|error| load::fault(&self.asset, &error))?;
         let truth = reference::unpack(&asset);
-        let bar = say.progress("verifying", 0);
-        let report = verify(&asset, &truth, |done, all| {
-            bar.set_length(all as u64);
-            bar.set_position(done as u64);
-        });
-        bar.finish_and_clear();
-        tell(&report, say);
+        let report = measure(&asset, &truth, say);
         let object = to_json(&report, CORE_LIMIT);
         if !report.passed(CORE_LIMIT) {
             say.object(&object);
@@ -45,8 +41,20 @@ impl Verify {
     }
 }
 
+/// Compares and tells, with progress.
+pub(crate) fn measure(asset: &Asset<'_>, truth: &Avatar, say: &Say) -> VerifyReport {
+    let bar = say.progress("verifying", 0);
+    let report = verify(asset, truth, |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    tell(&report, say);
+    report
+}
+
 /// The report in words.
-pub(crate) fn tell(report: &VerifyReport, say: &Say) {
+fn tell(report: &VerifyReport, say: &Say) {
     let (clip, seconds, vertex) = report.worst_place;
     say.line(format!(
         "{} frames against the oracle: mean {:.6} mm, worst {:.6} mm (clip {clip}, {seconds:.3} s, vertex {vertex})",

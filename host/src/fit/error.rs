@@ -64,7 +64,7 @@ pub enum FitError {
         which: Which,
         /// Role by its VRM name.
         role: String,
-        /// The joints.
+        /// The joints, the first four.
         candidates: Vec<String>,
     },
     /// No joint plays a role without which nothing can be fitted.
@@ -79,8 +79,10 @@ pub enum FitError {
         /// Roles by their VRM names.
         roles: Vec<String>,
     },
-    /// Legs and head that hang on different roots.
-    #[error("{which}: its legs, arms and head do not hang together; give it one root joint")]
+    /// Legs and head that hang on different roots, or not on the joint named as hips.
+    #[error(
+        "{which}: its legs, arms and head do not all hang on one joint; give it one root, or name other hips"
+    )]
     Apart {
         /// Which skeleton.
         which: Which,
@@ -132,6 +134,9 @@ pub enum FitError {
         /// Most frames accepted.
         limit: usize,
     },
+    /// A correspondence that was made for two other skeletons.
+    #[error("the correspondence is of other skeletons; make it from these two")]
+    OtherSkeletons,
     /// NaN or infinity among the options.
     #[error("{what} is not finite; give a number")]
     NotFinite {
@@ -156,7 +161,9 @@ fn example(which: Which, role: &str, joint: &str) -> String {
 
 fn upright_remedy(which: Which) -> &'static str {
     match which {
-        Which::Source => "name a frame in which the actor stands straight as the reference",
+        Which::Source => {
+            "if Z is up in its file, say so; else name a frame in which the actor stands as the reference"
+        }
         Which::Target => "export the body standing, with Y up",
     }
 }

@@ -72,3 +72,87 @@ fn feet(avatar: &Avatar, human: &Humanoid) -> (Mesh, Skin) {
     };
     (mesh, skin)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+
+    use super::*;
+    use crate::fit::{Role, Side};
+    use crate::model::{Bind, Channel, Interpolation, Joint, Skeleton, Track, Transform};
+
+    /// A foot 1 m below its root, with a vertex 0.1 m above the ground and one on the ground that
+    /// hangs mostly on the root.
+    fn avatar() -> Avatar {
+        let joint = |name: &str, parent, y| Joint {
+            name: name.into(),
+            parent,
+            rest: Transform {
+                translation: DVec3::new(0.0, y, 0.0),
+                ..Transform::IDENTITY
+            },
+        };
+        let bind = |joint, y: f64| Bind {
+            joint,
+            inverse_bind: DAffine3::from_translation(DVec3::new(0.0, -y, 0.0)),
+        };
+        Avatar {
+            mesh: Mesh {
+                name: String::new(),
+                positions: vec![DVec3::new(0.0, 0.1, 0.0), DVec3::ZERO],
+                normals: vec![DVec3::Y; 2],
+                tangents: None,
+                texcoords: None,
+                triangles: Vec::new(),
+                parts: Vec::new(),
+                morphs: Vec::new(),
+            },
+            skeleton: Skeleton {
+                joints: vec![joint("root", None, 1.2), joint("foot", Some(0), -1.0)],
+            },
+            skin: Skin {
+                binds: vec![bind(0, 1.2), bind(1, 0.2)],
+                influences: vec![vec![(1, 1.0)], vec![(0, 0.6), (1, 0.4)]],
+            },
+            clips: Vec::new(),
+        }
+    }
+
+    fn human(roles: &[(Role, usize)]) -> Humanoid {
+        Humanoid {
+            hips: 0,
+            spine: Vec::new(),
+            neck: Vec::new(),
+            roles: roles.iter().copied().collect(),
+        }
+    }
+
+    fn clip(heights: &[f64]) -> Clip {
+        let track = Track {
+            joint: 0,
+            channel: Channel::Translation,
+            interpolation: Interpolation::Linear,
+            times: (0..heights.len()).map(|frame| frame as f64).collect(),
+            values: heights.iter().map(|&y| [0.0, y, 0.0, 0.0]).collect(),
+        };
+        Clip {
+            tracks: vec![track],
+            ..Clip::default()
+        }
+    }
+
+    #[test]
+    fn the_median_frame_stands_on_the_floor() {
+        let human = human(&[(Role::Limb(Side::Left, Part::Foot), 1)]);
+        // The foot's vertex is at 0.1, 0.4 and 3.1.
+        let found = lift(&avatar(), &human, &clip(&[1.2, 1.5, 4.2])).unwrap();
+        assert!((found + 0.4).abs() < 1e-12, "{found}");
+        let still = lift(&avatar(), &human, &Clip::default()).unwrap();
+        assert!((still + 0.1).abs() < 1e-12, "{still}");
+    }
+
+    #[test]
+    fn without_feet_there_is_no_floor() {
+        assert_eq!(lift(&avatar(), &human(&[]), &clip(&[1.2])), None);
+    }
+}

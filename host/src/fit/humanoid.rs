@@ -81,6 +81,8 @@ const FINGERS: [Finger; 6] = [
 /// What a joint is in a human body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Role {
+    /// Where the legs and the rest come together; found by structure, unless it is named.
+    Hips,
     /// The head.
     Head,
     /// A joint of an arm or leg.
@@ -94,6 +96,7 @@ impl fmt::Display for Role {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let side = |side: &Side| if *side == Side::Left { "left" } else { "right" };
         match self {
+            Self::Hips => f.write_str("hips"),
             Self::Head => f.write_str("head"),
             Self::Limb(s, part) => write!(f, "{}{part:?}", side(s)),
             Self::Finger(s, Finger::All, _) => write!(f, "{}Fingers", side(s)),
@@ -129,7 +132,10 @@ impl Role {
             };
             FINGERS.into_iter().flat_map(of)
         });
-        std::iter::once(Self::Head).chain(limbs).chain(fingers)
+        [Self::Hips, Self::Head]
+            .into_iter()
+            .chain(limbs)
+            .chain(fingers)
     }
 
     /// The role of this VRM name, in any case.
@@ -151,14 +157,14 @@ pub struct Humanoid {
     pub spine: Vec<usize>,
     /// From above that joint to the head.
     pub neck: Vec<usize>,
-    /// Limbs, fingers and the head; a rig without a head joint has its last neck joint here.
+    /// Limbs, fingers and the head (the hips stand above); a rig without a head joint has its last neck joint here.
     pub roles: BTreeMap<Role, usize>,
 }
 
 /// Roles without which a motion cannot be carried over.
 const NEEDED: [Part; 3] = [Part::UpperLeg, Part::LowerLeg, Part::Foot];
 
-/// Finds the joints that could play each role. O(joints x depth)
+/// Finds the joints that could play each role. O(joints x roles)
 pub(super) fn candidates(skeleton: &Skeleton) -> Candidates {
     let mut found: BTreeMap<(Option<Side>, Meaning), Vec<usize>> = BTreeMap::new();
     let parsed = names::parse(skeleton.joints.iter().map(|joint| joint.name.as_str()));
@@ -223,7 +229,14 @@ pub(super) fn candidates(skeleton: &Skeleton) -> Candidates {
 
 /// The joints that have no ancestor among `joints`.
 fn topmost(skeleton: &Skeleton, joints: &[usize]) -> Vec<usize> {
-    let free = |&&joint: &&usize| !ancestors(skeleton, joint).any(|above| joints.contains(&above));
+    let mut below = vec![false; skeleton.joints.len()];
+    joints.iter().for_each(|&joint| below[joint] = true);
+    let chosen = below.clone();
+    // Parents come first, so that one pass hands the mark down to all descendants.
+    for (joint, parent) in skeleton.joints.iter().map(|joint| joint.parent).enumerate() {
+        below[joint] = parent.is_some_and(|parent| below[parent] || chosen[parent]);
+    }
+    let free = |joint: &&usize| !below[**joint];
     joints.iter().filter(free).copied().collect()
 }
 
@@ -257,10 +270,19 @@ pub(super) fn ancestors(skeleton: &Skeleton, joint: usize) -> impl Iterator<Item
 
 /// The lowest joint that is each joint or an ancestor of it.
 fn common(skeleton: &Skeleton, joints: &[usize]) -> Option<usize> {
+    let line = |joint| std::iter::once(joint).chain(ancestors(skeleton, joint));
     let (&first, others) = joints.split_first()?;
-    let is_above = |joint: usize, at| joint == at || ancestors(skeleton, joint).any(|a| a == at);
-    let mut line = std::iter::once(first).chain(ancestors(skeleton, first));
-    line.find(|&at| others.iter().all(|&other| is_above(other, at)))
+    let mut rank = vec![None; skeleton.joints.len()];
+    let first: Vec<usize> = line(first).collect();
+    first
+        .iter()
+        .enumerate()
+        .for_each(|(at, &joint)| rank[joint] = Some(at));
+    let mut meets = others
+        .iter()
+        .map(|&other| line(other).find_map(|joint| rank[joint]));
+    let highest = meets.try_fold(0, |highest: usize, meet| Some(highest.max(meet?)))?;
+    first.get(highest).copied()
 }
 
 /// The joints below `top`, down to and with `bottom`; empty where they are the same.
@@ -272,7 +294,7 @@ fn path(skeleton: &Skeleton, top: usize, bottom: usize) -> Vec<usize> {
 }
 
 impl Humanoid {
-    /// Reads the roles of a skeleton from its joints' names and structure. O(joints x depth)
+    /// Reads the roles of a skeleton from its joints' names and structure. O(joints x roles)
     ///
     /// # Errors
     /// A role that several joints could play; no joint for the legs or the head.
@@ -295,7 +317,7 @@ impl Humanoid {
             return Err(FitError::Ambiguous {
                 which,
                 role: role.to_string(),
-                candidates: joints.iter().map(name).collect(),
+                candidates: joints.iter().take(4).map(name).collect(),
             });
         }
         let legs = SIDES
@@ -320,7 +342,11 @@ impl Humanoid {
         let legs = of(Part::UpperLeg).into_iter().flatten();
         let all: Vec<usize> = upper.iter().copied().chain(legs).collect();
         let apart = || FitError::Apart { which };
-        let hips = common(skeleton, &all).ok_or_else(apart)?;
+        let lowest = common(skeleton, &all).ok_or_else(apart)?;
+        let hips = roles.remove(&Role::Hips).unwrap_or(lowest);
+        if hips != lowest && !ancestors(skeleton, lowest).any(|above| above == hips) {
+            return Err(apart());
+        }
         let thorax = if upper.len() > 1 {
             common(skeleton, &upper).ok_or_else(apart)?
         } else {
@@ -350,121 +376,4 @@ impl Humanoid {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::{Joint, Transform};
-
-    /// A skeleton from "name" or "name parent" entries.
-    fn skeleton(joints: &[(&str, usize)]) -> Skeleton {
-        let joint = |(at, &(name, parent)): (usize, &(&str, usize))| Joint {
-            name: name.into(),
-            parent: (at > 0).then_some(parent),
-            rest: Transform::IDENTITY,
-        };
-        Skeleton {
-            joints: joints.iter().enumerate().map(joint).collect(),
-        }
-    }
-
-    const CMU: &[(&str, usize)] = &[
-        ("Hips", 0),
-        ("LHipJoint", 0),
-        ("LeftUpLeg", 1),
-        ("LeftLeg", 2),
-        ("LeftFoot", 3),
-        ("LeftToeBase", 4),
-        ("RHipJoint", 0),
-        ("RightUpLeg", 6),
-        ("RightLeg", 7),
-        ("RightFoot", 8),
-        ("LowerBack", 0),
-        ("Spine", 10),
-        ("Spine1", 11),
-        ("Neck", 12),
-        ("Neck1", 13),
-        ("Head", 14),
-        ("LeftShoulder", 12),
-        ("LeftArm", 16),
-        ("LeftForeArm", 17),
-        ("LeftHand", 18),
-        ("RightShoulder", 12),
-        ("RightArm", 20),
-    ];
-
-    #[test]
-    fn cmu_calls_the_clavicle_shoulder() {
-        let human = Humanoid::new(&skeleton(CMU), Which::Source).unwrap();
-        assert_eq!(human.hips, 0);
-        assert_eq!(human.spine, [10, 11, 12]);
-        assert_eq!(human.neck, [13, 14, 15]);
-        assert_eq!(human.limb(Side::Left, Part::Shoulder), Some(16));
-        assert_eq!(human.limb(Side::Left, Part::UpperArm), Some(17));
-        assert_eq!(human.limb(Side::Right, Part::LowerLeg), Some(8));
-        assert_eq!(human.limb(Side::Right, Part::Toes), None);
-    }
-
-    #[test]
-    fn mocapbank_calls_the_upper_arm_shoulder() {
-        let human = Humanoid::new(
-            &skeleton(&[
-                ("Hips", 0),
-                ("Chest", 0),
-                ("LeftCollar", 1),
-                ("LeftShoulder", 2),
-                ("LeftElbow", 3),
-                ("RightCollar", 1),
-                ("RightShoulder", 5),
-                ("Neck", 1),
-                ("LeftHip", 0),
-                ("LeftKnee", 8),
-                ("LeftAnkle", 9),
-                ("RightHip", 0),
-                ("RightKnee", 11),
-                ("RightAnkle", 12),
-            ]),
-            Which::Source,
-        )
-        .unwrap();
-        assert_eq!(human.limb(Side::Left, Part::Shoulder), Some(2));
-        assert_eq!(human.limb(Side::Left, Part::UpperArm), Some(3));
-        assert_eq!(human.limb(Side::Right, Part::UpperLeg), Some(11));
-        assert_eq!(
-            (human.hips, &human.spine[..], &human.neck[..]),
-            (0, &[1][..], &[7][..])
-        );
-        assert_eq!(human.roles[&Role::Head], 7);
-    }
-
-    #[test]
-    fn two_actors_in_one_file_are_ambiguous() {
-        let mut joints = CMU.to_vec();
-        joints.push(("LeftFoot#2", 0));
-        let error = Humanoid::new(&skeleton(&joints), Which::Source).unwrap_err();
-        assert!(matches!(&error, FitError::Ambiguous { role, .. } if role == "leftFoot"));
-        assert!(
-            error.to_string().contains("--map \"LeftFoot=leftFoot\""),
-            "{error}"
-        );
-    }
-
-    #[test]
-    fn missing_legs_are_named() {
-        let error = Humanoid::new(&skeleton(&CMU[..9]), Which::Target).unwrap_err();
-        let FitError::MissingRole { roles, .. } = &error else {
-            panic!("{error}");
-        };
-        assert_eq!(roles, &["head", "rightFoot"]);
-    }
-
-    #[test]
-    fn role_names_can_be_read_back() {
-        for role in Role::all() {
-            assert_eq!(Role::parse(&role.to_string()), Some(role));
-        }
-        assert_eq!(
-            Role::parse("LEFTTHUMBDISTAL"),
-            Some(Role::Finger(Side::Left, Finger::Thumb, 2))
-        );
-        assert_eq!(Role::parse("tail"), None);
-    }
-}
+mod tests;

@@ -8,6 +8,7 @@ pub mod correspond;
 mod error;
 pub mod floor;
 pub mod humanoid;
+pub mod laplace;
 mod names;
 pub mod retarget;
 

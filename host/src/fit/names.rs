@@ -164,14 +164,18 @@ fn words(name: &str) -> Vec<String> {
     words
 }
 
+/// Most shared words to remove from either end.
+const MOST_SHARED: usize = 4;
+
 /// Removes first and last words that nearly every name has, such as "bip 01" or "jnt".
 fn drop_shared(all: &mut [Vec<String>]) {
     let many = (all.len() * 9).div_ceil(10).max(3);
     for last in [false, true] {
-        loop {
+        for _ in 0..MOST_SHARED {
             let edge = |words: &Vec<String>| {
                 let word = if last { words.last() } else { words.first() };
-                word.filter(|_| words.len() > 1).cloned()
+                word.filter(|word| words.len() > 1 && side(word).is_none())
+                    .cloned()
             };
             let Some(shared) = all.get(all.len() / 2).and_then(edge) else {
                 break;
@@ -207,14 +211,12 @@ fn name(mut words: Vec<String>) -> Name {
             parts.numbers.push(number);
             continue;
         }
-        if parts.side.is_none() {
-            if let Some((side, rest)) = side(&word) {
-                parts.side = Some(side);
-                if !rest.is_empty() {
-                    parts.words.push(rest.to_owned());
-                }
-                continue;
+        if let Some((side, rest)) = side(&word).filter(|_| parts.side.is_none()) {
+            parts.side = Some(side);
+            if !rest.is_empty() {
+                parts.words.push(rest.to_owned());
             }
+            continue;
         }
         parts.words.push(word);
     }

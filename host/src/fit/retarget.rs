@@ -10,7 +10,9 @@
 //!    hip plus left to right shoulder, in the horizontal plane). From here on the source is turned.
 //! 3. *Rotation.* `S_s(t)` is the rotation in model space of source joint `s` since the reference.
 //!    A target joint `j` that follows `s` gets, in model space, `S_s(t) A_j G_j`; `G_j` is its rest
-//!    rotation. Between two joints of a spine or neck, `S` is interpolated by slerp.
+//!    rotation. Between two joints of a spine or neck, `S` is interpolated by slerp. Where a rig
+//!    has further joints inside a limb bone (MakeHuman), the smallest rotation that brings the bone
+//!    to its true direction comes on top.
 //! 4. *Reconciliation.* `A_j` turns the target's rest pose into the source's reference pose (T, A or
 //!    arms hanging). It is the identity for hips, spine, neck, head and clavicles. For upper arm,
 //!    forearm, thigh and shin it is the smallest rotation that brings the bone, as turned by the
@@ -24,10 +26,16 @@
 
 use glam::{DQuat, DVec3};
 
-use super::humanoid::{Humanoid, Part, Role, SIDES};
 use super::{Correspondence, Drive, FitError, Which};
-use crate::model::{Channel, Clip, Interpolation, Motion, Skeleton, Track};
+use crate::model::{Channel, Clip, Interpolation, Motion, Skeleton, Track, Transform};
 use crate::reference::pose::sample;
+use reconcile::{reconcile, split_bones};
+use stance::{Pose, facing, heading, leg_length, sockets, swing};
+
+mod reconcile;
+mod stance;
+#[cfg(test)]
+mod tests;
 
 /// The pose of the source that corresponds to the target's rest pose but for its limbs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,20 +76,14 @@ const DEFAULT_RATE: f64 = 60.0;
 /// More frames than this are taken for a fault in the file: nine hours at 30 a second.
 const MAX_FRAMES: usize = 1 << 20;
 
-/// Beyond this angle from the vertical a spine does not stand.
-const UPRIGHT_LIMIT: f64 = 45.0;
-
-/// A foot whose direction has less than this share in the horizontal has no heading.
-const HEADING_LIMIT: f64 = 0.2;
-
 /// Local rotations that differ by less from the rest pose need no track.
 const STILL: f64 = 1e-12;
 
-/// Carries a motion over to another skeleton. O(frames x joints)
+/// Carries a motion over to another skeleton, by a correspondence of the two. O(frames x joints)
 ///
 /// # Errors
-/// A reference pose that is not upright or faces nowhere, legs without length, a reference frame
-/// that does not exist, a lift that is not finite.
+/// A correspondence of other skeletons, a reference pose that is not upright or faces nowhere, legs
+/// without length, a reference frame that does not exist, a lift that is not finite.
 pub fn retarget(
     motion: &Motion,
     target: &Skeleton,
@@ -93,96 +95,26 @@ pub fn retarget(
             what: "the lift".into(),
         });
     }
+    if !correspondence.is_of(&motion.skeleton, target) {
+        return Err(FitError::OtherSkeletons);
+    }
     let times = frame_times(&motion.clip)?;
-    let of_source = &correspondence.source;
-    let of_target = &correspondence.target;
-    let rest = pose(target, &target.rest());
-    let local = match options.reference {
-        Reference::Rest => motion.skeleton.rest(),
-        Reference::Frame(frame) => {
-            let count = times.len();
-            let time = times
-                .get(frame)
-                .ok_or(FitError::NoSuchFrame { frame, count })?;
-            sample(&motion.skeleton, &motion.clip, *time)
-        }
-    };
-    let mut reference = pose(&motion.skeleton, &local);
-    let faces = facing(of_source, &reference.positions, Which::Source)?;
-    let wanted = facing(of_target, &rest.positions, Which::Target)?;
-    let yaw = heading(wanted) - heading(faces);
-    let turn = DQuat::from_rotation_y(yaw);
-    reference.turn(turn);
-    let scale = leg_length(of_target, &rest.positions, Which::Target)?
-        / leg_length(of_source, &reference.positions, Which::Source)?;
-    let align = reconcile(motion, target, correspondence, &rest, &reference);
-
-    let hips = of_target.hips;
-    let mut tracks: Vec<Track> = Vec::new();
-    let mut track_of = vec![None; target.joints.len()];
-    for joint in (0..target.joints.len()).filter(|&joint| correspondence.drives[joint].is_some()) {
-        let mut add = |channel| {
-            tracks.push(Track {
-                joint,
-                channel,
-                interpolation: Interpolation::Linear,
-                times: times.clone(),
-                values: Vec::with_capacity(times.len()),
-            })
-        };
-        if joint == hips {
-            add(Channel::Translation);
-        }
-        add(Channel::Rotation);
-        track_of[joint] = Some(tracks.len() - 1);
+    let transfer = Transfer::new(motion, target, correspondence, options.reference, &times)?;
+    let mut offset = options.lift * DVec3::Y;
+    if !options.keep_origin {
+        let start = transfer.sockets(&transfer.source_pose(times[0]));
+        offset -= DVec3::new(start.x, 0.0, start.z);
     }
 
-    let mut start = None;
+    let mut tracks = empty_tracks(correspondence, &times);
     for &time in &times {
-        let mut now = pose(
-            &motion.skeleton,
-            &sample(&motion.skeleton, &motion.clip, time),
-        );
-        now.turn(turn);
-        let since = |joint: usize| now.rotations[joint] * reference.rotations[joint].inverse();
-        let mut local = target.rest();
-        let mut model: Vec<DQuat> = Vec::with_capacity(target.joints.len());
-        for (joint, drive) in correspondence.drives.iter().enumerate() {
-            let above = target.joints[joint]
-                .parent
-                .map_or(DQuat::IDENTITY, |p| model[p]);
-            let moved = match *drive {
-                None => above * local[joint].rotation,
-                Some(Drive::Joint(from)) => since(from) * align[joint] * rest.rotations[joint],
-                Some(Drive::Between(first, second, fraction)) => {
-                    let between = since(first).slerp(since(second), fraction);
-                    between * align[joint] * rest.rotations[joint]
-                }
-            };
-            model.push(moved.normalize());
-            if let Some(track) = track_of[joint] {
-                local[joint].rotation = (above.inverse() * model[joint]).normalize();
-                push_rotation(&mut tracks[track], local[joint].rotation);
+        let local = transfer.target_pose(&transfer.source_pose(time), offset);
+        for track in &mut tracks {
+            let joint = &local[track.joint];
+            match track.channel {
+                Channel::Rotation => push_rotation(track, joint.rotation),
+                _ => track.values.push(joint.translation.extend(0.0).to_array()),
             }
-        }
-        // The sockets are where the legs put them; the hips are moved until they fit.
-        let affine = target.model(&local);
-        let positions: Vec<DVec3> = affine.iter().map(|affine| affine.translation).collect();
-        let mut wanted = scale * sockets(of_source, &now.positions);
-        let begin = *start.get_or_insert(DVec3::new(wanted.x, 0.0, wanted.z));
-        if !options.keep_origin {
-            wanted -= begin;
-        }
-        wanted.y += options.lift;
-        let place = positions[hips] + wanted - sockets(of_target, &positions);
-        let place = match target.joints[hips].parent {
-            Some(parent) => affine[parent].inverse().transform_point3(place),
-            None => place,
-        };
-        if let Some(rotation) = track_of[hips] {
-            tracks[rotation - 1]
-                .values
-                .push([place.x, place.y, place.z, 0.0]);
         }
     }
     tracks.retain(|track| track.channel == Channel::Translation || moves(track, target));
@@ -190,191 +122,149 @@ pub fn retarget(
         name: motion.clip.name.clone(),
         tracks,
         morph_track: None,
-        duration: times.last().copied().unwrap_or(0.0),
+        duration: times[times.len() - 1],
         sample_period: motion.clip.sample_period,
     };
-    Ok(Retargeted { clip, scale, yaw })
+    Ok(Retargeted {
+        clip,
+        scale: transfer.scale,
+        yaw: transfer.yaw,
+    })
 }
 
-/// Model-space rotations and positions of all joints.
-struct Pose {
-    rotations: Vec<DQuat>,
-    positions: Vec<DVec3>,
+/// What stays the same from frame to frame.
+struct Transfer<'a> {
+    motion: &'a Motion,
+    target: &'a Skeleton,
+    correspondence: &'a Correspondence,
+    rest: Pose,
+    /// Turned to face as the target does.
+    reference: Pose,
+    yaw: f64,
+    scale: f64,
+    align: Vec<DQuat>,
+    split: Vec<Option<usize>>,
 }
 
-impl Pose {
-    /// Turns everything about the origin.
-    fn turn(&mut self, by: DQuat) {
-        self.rotations
-            .iter_mut()
-            .for_each(|rotation| *rotation = by * *rotation);
-        self.positions
-            .iter_mut()
-            .for_each(|position| *position = by * *position);
-    }
-}
-
-fn pose(skeleton: &Skeleton, local: &[crate::model::Transform]) -> Pose {
-    let mut rotations: Vec<DQuat> = Vec::with_capacity(local.len());
-    for (joint, local) in skeleton.joints.iter().zip(local) {
-        let above = joint
-            .parent
-            .map_or(DQuat::IDENTITY, |parent| rotations[parent]);
-        rotations.push((above * local.rotation).normalize());
-    }
-    let affine = skeleton.model(local);
-    Pose {
-        rotations,
-        positions: affine.iter().map(|affine| affine.translation).collect(),
-    }
-}
-
-/// `A_j` for every target joint (step 4).
-fn reconcile(
-    motion: &Motion,
-    target: &Skeleton,
-    correspondence: &Correspondence,
-    rest: &Pose,
-    reference: &Pose,
-) -> Vec<DQuat> {
-    let role_of = |joint: usize| {
-        let mut roles = correspondence.target.roles.iter();
-        roles
-            .find(|&(_, &other)| other == joint)
-            .map(|(&role, _)| role)
-    };
-    let mut align: Vec<DQuat> = Vec::with_capacity(target.joints.len());
-    for joint in 0..target.joints.len() {
-        let above = target.joints[joint]
-            .parent
-            .map_or(DQuat::IDENTITY, |p| align[p]);
-        let follows = match correspondence.drives[joint] {
-            Some(Drive::Joint(from)) => Some(from),
-            _ => None,
-        };
-        let (Some(from), Some(Role::Limb(side, part))) = (follows, role_of(joint)) else {
-            align.push(above);
-            continue;
-        };
-        let next = |human: &Humanoid| next_part(part).and_then(|next| human.limb(side, next));
-        let bone = direction(target, &[], joint, next(&correspondence.target), rest);
-        let ends = &motion.end_sites;
-        let other = next(&correspondence.source);
-        let other = direction(&motion.skeleton, ends, from, other, reference);
-        let (Some(bone), Some(other)) = (bone, other) else {
-            align.push(above);
-            continue;
-        };
-        align.push(match part {
-            Part::UpperArm | Part::LowerArm | Part::UpperLeg | Part::LowerLeg => {
-                DQuat::from_rotation_arc((above * bone).normalize(), other) * above
+impl<'a> Transfer<'a> {
+    fn new(
+        motion: &'a Motion,
+        target: &'a Skeleton,
+        correspondence: &'a Correspondence,
+        reference: Reference,
+        times: &[f64],
+    ) -> Result<Self, FitError> {
+        let rest = Pose::new(target, &target.rest());
+        let local = match reference {
+            Reference::Rest => motion.skeleton.rest(),
+            Reference::Frame(frame) => {
+                let count = times.len();
+                let time = times
+                    .get(frame)
+                    .ok_or(FitError::NoSuchFrame { frame, count })?;
+                sample(&motion.skeleton, &motion.clip, *time)
             }
-            Part::Foot if level(bone) && level(other) => {
-                DQuat::from_rotation_y(heading(other) - heading(bone))
-            }
-            // A foot that points at the floor says nothing; it is level all the same.
-            Part::Foot => DQuat::IDENTITY,
-            Part::Shoulder | Part::Hand | Part::Toes => above,
-        });
+        };
+        let mut reference = Pose::new(&motion.skeleton, &local);
+        let (source_roles, target_roles) = (&correspondence.source, &correspondence.target);
+        let faces = facing(source_roles, &reference.positions, Which::Source)?;
+        let wanted = facing(target_roles, &rest.positions, Which::Target)?;
+        let yaw = heading(wanted) - heading(faces);
+        reference.turn(DQuat::from_rotation_y(yaw));
+        let scale = leg_length(target_roles, &rest.positions, Which::Target)?
+            / leg_length(source_roles, &reference.positions, Which::Source)?;
+        Ok(Self {
+            motion,
+            target,
+            correspondence,
+            yaw,
+            scale,
+            align: reconcile(motion, target, correspondence, &rest, &reference),
+            split: split_bones(&motion.skeleton, source_roles),
+            rest,
+            reference,
+        })
     }
-    align
-}
 
-fn next_part(part: Part) -> Option<Part> {
-    match part {
-        Part::UpperArm => Some(Part::LowerArm),
-        Part::LowerArm => Some(Part::Hand),
-        Part::UpperLeg => Some(Part::LowerLeg),
-        Part::LowerLeg => Some(Part::Foot),
-        Part::Foot => Some(Part::Toes),
-        Part::Shoulder | Part::Hand | Part::Toes => None,
+    /// The source at a time, facing as the target does.
+    fn source_pose(&self, time: f64) -> Pose {
+        let local = sample(&self.motion.skeleton, &self.motion.clip, time);
+        let mut pose = Pose::new(&self.motion.skeleton, &local);
+        pose.turn(DQuat::from_rotation_y(self.yaw));
+        pose
+    }
+
+    /// Where the middle of the target's hip sockets goes.
+    fn sockets(&self, source: &Pose) -> DVec3 {
+        self.scale * sockets(&self.correspondence.source, &source.positions)
+    }
+
+    /// `S_s(t)`: how a source joint has turned since the reference, in model space.
+    fn since(&self, joint: usize, now: &Pose) -> DQuat {
+        let turned = now.rotations[joint] * self.reference.rotations[joint].inverse();
+        let Some(end) = self.split[joint] else {
+            return turned;
+        };
+        let bone = |pose: &Pose| (pose.positions[end] - pose.positions[joint]).try_normalize();
+        match (bone(&self.reference), bone(now)) {
+            (Some(then), Some(now)) => swing(turned * then, now) * turned,
+            _ => turned,
+        }
+    }
+
+    /// Local transforms of the target for a pose of the source.
+    fn target_pose(&self, source: &Pose, offset: DVec3) -> Vec<Transform> {
+        let mut local = self.target.rest();
+        let mut model: Vec<DQuat> = Vec::with_capacity(local.len());
+        for (joint, drive) in self.correspondence.drives.iter().enumerate() {
+            let parent = self.target.joints[joint].parent;
+            let above = parent.map_or(DQuat::IDENTITY, |parent| model[parent]);
+            let turned = match *drive {
+                None => {
+                    model.push((above * local[joint].rotation).normalize());
+                    continue;
+                }
+                Some(Drive::Joint(from)) => self.since(from, source),
+                Some(Drive::Between(first, second, fraction)) => {
+                    let second = self.since(second, source);
+                    self.since(first, source).slerp(second, fraction)
+                }
+            };
+            let own = (turned * self.align[joint] * self.rest.rotations[joint]).normalize();
+            local[joint].rotation = (above.inverse() * own).normalize();
+            model.push(own);
+        }
+        // The hips go where they bring the sockets, which hang below them as the pose wants it.
+        let affine = self.target.model(&local);
+        let positions: Vec<DVec3> = affine.iter().map(|affine| affine.translation).collect();
+        let human = &self.correspondence.target;
+        let sockets = sockets(human, &positions);
+        let hips = self.sockets(source) + offset + positions[human.hips] - sockets;
+        local[human.hips].translation = match self.target.joints[human.hips].parent {
+            Some(parent) => affine[parent].inverse().transform_point3(hips),
+            None => hips,
+        };
+        local
     }
 }
 
-/// Unit direction of the bone that begins at `joint`: to the next joint of the limb, else to the
-/// middle of the children, else to the end site.
-fn direction(
-    skeleton: &Skeleton,
-    end_sites: &[(usize, DVec3)],
-    joint: usize,
-    next: Option<usize>,
-    pose: &Pose,
-) -> Option<DVec3> {
-    let from = pose.positions[joint];
-    let middle = |points: Vec<DVec3>| {
-        #[allow(clippy::cast_precision_loss, reason = "a few points")]
-        let count = points.len() as f64;
-        (!points.is_empty()).then(|| points.iter().sum::<DVec3>() / count - from)
-    };
-    let children = || {
-        let child = |&at: &usize| skeleton.joints[at].parent == Some(joint);
-        let children = (joint + 1..skeleton.joints.len()).filter(child);
-        middle(children.map(|at| pose.positions[at]).collect())
-    };
-    let ends = || {
-        let own = end_sites.iter().filter(|&&(at, _)| at == joint);
-        middle(
-            own.map(|&(_, offset)| from + pose.rotations[joint] * offset)
-                .collect(),
-        )
-    };
-    let bone = next
-        .map(|next| pose.positions[next] - from)
-        .or_else(children)
-        .or_else(ends)?;
-    bone.try_normalize()
-}
-
-/// Angle of a direction about the vertical, from +Z.
-fn heading(direction: DVec3) -> f64 {
-    direction.x.atan2(direction.z)
-}
-
-fn level(direction: DVec3) -> bool {
-    direction.x.hypot(direction.z) > HEADING_LIMIT
-}
-
-/// Horizontal direction in which an upright body looks.
-fn facing(human: &Humanoid, positions: &[DVec3], which: Which) -> Result<DVec3, FitError> {
-    let spine = positions[human.roles[&Role::Head]] - positions[human.hips];
-    let degrees = spine.angle_between(DVec3::Y).to_degrees();
-    if spine.length_squared() > 0.0 && degrees > UPRIGHT_LIMIT {
-        return Err(FitError::NotUpright { which, degrees });
+/// A rotation track for every joint that follows something, and the translation of the hips.
+fn empty_tracks(correspondence: &Correspondence, times: &[f64]) -> Vec<Track> {
+    let mut tracks = Vec::new();
+    for (joint, drive) in correspondence.drives.iter().enumerate() {
+        let translation = (joint == correspondence.target.hips).then_some(Channel::Translation);
+        let rotation = drive.map(|_| Channel::Rotation);
+        for channel in translation.into_iter().chain(rotation) {
+            tracks.push(Track {
+                joint,
+                channel,
+                interpolation: Interpolation::Linear,
+                times: times.to_vec(),
+                values: Vec::with_capacity(times.len()),
+            });
+        }
     }
-    let across = |part| {
-        let [left, right] = SIDES.map(|side| human.limb(side, part));
-        Some(positions[left?] - positions[right?])
-    };
-    let hips = across(Part::UpperLeg).unwrap_or_default();
-    let all = hips + across(Part::UpperArm).unwrap_or_default();
-    let forward = all.cross(DVec3::Y);
-    if forward.length() <= 1e-3 * all.length() {
-        return Err(FitError::NoFacing { which });
-    }
-    Ok(forward)
-}
-
-/// Middle of the hip sockets.
-fn sockets(human: &Humanoid, positions: &[DVec3]) -> DVec3 {
-    let legs = SIDES.map(|side| human.limb(side, Part::UpperLeg));
-    let [left, right] = legs.map(|leg| positions[leg.unwrap_or(human.hips)]);
-    (left + right) / 2.0
-}
-
-/// Hip to knee to ankle, mean of both sides, metres.
-fn leg_length(human: &Humanoid, positions: &[DVec3], which: Which) -> Result<f64, FitError> {
-    let mut length = 0.0;
-    for side in SIDES {
-        let parts = [Part::UpperLeg, Part::LowerLeg, Part::Foot];
-        let [hip, knee, ankle] =
-            parts.map(|part| positions[human.limb(side, part).unwrap_or(human.hips)]);
-        length += (hip.distance(knee) + knee.distance(ankle)) / 2.0;
-    }
-    if length.is_normal() {
-        Ok(length)
-    } else {
-        Err(FitError::NoLegs { which })
-    }
+    tracks
 }
 
 /// Key times of the result: the source's where all its tracks share them, else an even grid.
@@ -391,7 +281,7 @@ fn frame_times(clip: &Clip) -> Result<Vec<f64>, FitError> {
     let period = period.unwrap_or(1.0 / DEFAULT_RATE);
     let frames = (clip.duration / period).floor() + 1.0;
     #[allow(clippy::cast_precision_loss, reason = "far below 2^52 frames")]
-    if !(frames <= MAX_FRAMES as f64) {
+    if frames.is_nan() || frames > MAX_FRAMES as f64 {
         return Err(FitError::TooLong {
             seconds: clip.duration,
             period,
@@ -430,6 +320,3 @@ fn moves(track: &Track, skeleton: &Skeleton) -> bool {
     };
     track.values.iter().any(away)
 }
-
-#[cfg(test)]
-mod tests;

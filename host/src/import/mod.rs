@@ -12,6 +12,7 @@ pub mod gltf;
 pub mod marker_csv;
 pub mod motive_csv;
 mod obj;
+mod ply;
 mod raw;
 mod select;
 mod table;
@@ -22,6 +23,7 @@ pub mod trc;
 pub use bvh::{BvhOptions, BvhPositions, read_bvh, read_bvh_with};
 pub use error::{ImportError, ImportErrorKind, Notice, Place};
 pub use obj::read_obj;
+pub use ply::read_ply;
 pub use raw::{
     Channel, Interpolation, RawAvatar, RawClip, RawJoint, RawMesh, RawMorph, RawMotion,
     RawPrimitive, RawSkeleton, RawSkin, RawTrack, Transform,

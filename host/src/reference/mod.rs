@@ -2,6 +2,7 @@
 //!
 //! Slow and simple on purpose: what the core computes is judged against these.
 
+pub mod laplacian;
 pub mod pose;
 pub mod skin;
 mod unpack;

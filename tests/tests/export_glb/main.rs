@@ -222,7 +222,7 @@ fn pygltflib_agrees() {
     if probe.is_ok_and(|output| output.status.success()) {
         run_checker("python3", "tests/python/check_glb.py");
     } else {
-        eprintln!("SKIPPED: needs python3 with numpy and pygltflib");
+        sinew_tests::skip("python3 with numpy and pygltflib");
     }
 }
 
@@ -231,6 +231,6 @@ fn the_khronos_validator_finds_nothing() {
     if root().join("out/node/node_modules/gltf-validator").exists() {
         run_checker("node", "tests/node/validate_glb.mjs");
     } else {
-        eprintln!("SKIPPED: needs `npm install --prefix out/node gltf-validator`");
+        sinew_tests::skip("`npm install --prefix out/node gltf-validator`");
     }
 }

@@ -13,15 +13,18 @@ use sinew_cortex_m::{ASSET, DIMS};
 
 #[entry]
 fn main() -> ! {
-    static mut STATE: State<[f32; state_len(&DIMS)]> = State::new();
-    static mut WORKSPACE: Workspace<[f32; workspace_len(&DIMS)]> = Workspace::new();
+    static mut STATE: [f32; state_len(&DIMS)] = [0.0; state_len(&DIMS)];
+    static mut WORKSPACE: [f32; workspace_len(&DIMS)] = [0.0; workspace_len(&DIMS)];
     static mut POSITIONS: [f32; 3 * DIMS.vertex_count] = [0.0; 3 * DIMS.vertex_count];
     static mut NORMALS: [f32; 3 * DIMS.vertex_count] = [0.0; 3 * DIMS.vertex_count];
 
-    // The compiler must not know the bytes: the proof is for every asset of this size.
+    // The compiler must know neither the bytes nor a length: the proof is for every asset.
+    let mut state = State::with(black_box(STATE.as_mut_slice()));
+    let mut workspace = Workspace::with(black_box(WORKSPACE.as_mut_slice()));
+    let (positions, normals) = black_box((POSITIONS.as_mut_slice(), NORMALS.as_mut_slice()));
     if let Ok(asset) = Asset::new_checked(black_box(ASSET))
-        && let Ok(mut avatar) = Avatar::new(&asset, STATE, WORKSPACE)
-        && let Ok(mut output) = Output::separate(asset.dims(), POSITIONS, Some(NORMALS))
+        && let Ok(mut avatar) = Avatar::new(&asset, &mut state, &mut workspace)
+        && let Ok(mut output) = Output::separate(asset.dims(), positions, Some(normals))
     {
         loop {
             let (input, budget) = black_box((Input::Rest, Budget::UNLIMITED));

@@ -8,7 +8,7 @@ use core::panic::PanicInfo;
 
 use cortex_m_rt::entry;
 use cortex_m_semihosting::{debug, hio};
-use sinew_core::asset::{Asset, AssetError, Clip, Dims};
+use sinew_core::asset::{Asset, AssetError, Clip, Dims, crc32};
 use sinew_core::deform::{Output, SizeError};
 use sinew_core::frame::{
     Avatar, Budget, Fingerprint, FrameReport, Input, State, Workspace, cost, state_len,
@@ -171,6 +171,8 @@ fn play(
     line("bytes_of_FrameReport", size_of::<FrameReport>() as u64)?;
     line("bytes_of_Input", size_of::<Input<'_>>() as u64)?;
     line("bytes_of_Output", size_of::<Output<'_>>() as u64)?;
+    writeln!(out, "compiler = \"{}\"", env!("SINEW_COMPILER")).map_err(|_| Fault::Console)?;
+    writeln!(out, "asset = \"{:08x}\"", crc32(ASSET)).map_err(|_| Fault::Console)?;
     writeln!(out, "fingerprint = \"{:016x}\"", hash.value()).map_err(|_| Fault::Console)
 }
 

@@ -3,9 +3,9 @@
 //! In: borrowed positions (metres, Y up), triangles and colours in a [`Scene`], and a [`Camera`].
 //! Out: an [`Image`]. The same scene gives the same pixels whatever the number of threads.
 //!
-//! Stages: [`assemble`] clips and projects triangles to fixed point; [`raster`] finds the nearest
-//! triangle at every sample of a band of rows; [`shade`] lights it; [`backdrop`] supplies what
-//! shows where there is none; [`shadow_map`] and [`floor_shadow`] say where light does not reach.
+//! Stages: `assemble` clips and projects triangles to fixed point; `raster` finds the nearest
+//! triangle at every sample of a band of rows; `shade` lights it; `backdrop` supplies what
+//! shows where there is none; `shadow_map` and `floor_shadow` say where light does not reach.
 
 mod assemble;
 mod backdrop;

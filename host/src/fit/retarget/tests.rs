@@ -115,7 +115,7 @@ fn origin() -> Options {
 
 /// Model-space pose at a frame.
 fn at(skeleton: &Skeleton, clip: &Clip, frame: usize) -> Pose {
-    pose(skeleton, &sample(skeleton, clip, frame as f64 / 30.0))
+    Pose::new(skeleton, &sample(skeleton, clip, frame as f64 / 30.0))
 }
 
 const LIMBS: [(usize, usize); 8] = [
@@ -146,7 +146,7 @@ fn a_motion_onto_its_own_skeleton_is_unchanged() {
             for (&new, &old) in new.values.iter().zip(&old.values) {
                 let (new, old) = (glam::DVec4::from(new), glam::DVec4::from(old));
                 let apart = (new - old).length().min((new + old).length());
-                assert!(apart < 1e-12, "{apart} at joint {}", 0);
+                assert!(apart < 1e-12, "{apart}");
             }
         }
     }
@@ -458,4 +458,57 @@ fn impossible_bodies_are_refused() {
         run(&source, &plain(0.0), &options),
         Err(FitError::NotFinite { .. })
     ));
+}
+
+#[test]
+fn a_bone_in_two_pieces_is_followed_to_its_end() {
+    // A joint halfway down the left upper arm bends by 0.5.
+    let mut split = plain(0.0);
+    for joint in &mut split.joints[13..] {
+        joint.parent = joint.parent.map(|parent| parent + usize::from(parent > 12));
+    }
+    let mut half = split.joints[13].clone();
+    half.name = "LeftArmLower half".into();
+    half.parent = Some(12);
+    half.rest.translation /= 2.0;
+    split.joints[13].rest.translation /= 2.0;
+    split.joints[13].parent = Some(13);
+    split.joints.insert(13, half);
+    let source = motion(split, 1, |_, joint| {
+        DQuat::from_rotation_z(if joint == 13 { -0.5 } else { 0.0 })
+    });
+    let target = plain(0.7);
+    let result = run(&source, &target, &origin()).unwrap();
+    let pose = at(&target, &result.clip, 0);
+    // Two halves of equal length bent by 0.5 point 0.25 down as a whole; the forearm points 0.5.
+    for (joint, next, angle) in [(12, 13, -0.25_f64), (13, 14, -0.5), (16, 17, 0.0)] {
+        let bone = (pose.positions[next] - pose.positions[joint]).normalize();
+        let side = if joint < 15 { 1.0 } else { -1.0 };
+        let expected = DVec3::new(side * angle.cos(), angle.sin(), 0.0);
+        assert!(bone.distance(expected) < 1e-12, "joint {joint}: {bone}");
+    }
+}
+
+#[test]
+fn a_correspondence_of_other_skeletons_is_refused() {
+    let source = motion(plain(0.0), 1, |_, _| DQuat::IDENTITY);
+    let target = plain(0.5);
+    let both = Correspondence::new(&source.skeleton, &target, &[]).unwrap();
+    let mut longer = target.clone();
+    longer.joints.push(target.joints[18].clone());
+    let result = retarget(&source, &longer, &both, &Options::default());
+    assert_eq!(result.unwrap_err(), FitError::OtherSkeletons);
+}
+
+#[test]
+fn half_a_turn_swings_too() {
+    for (from, to) in [
+        (DVec3::X, -DVec3::X),
+        (DVec3::Y, DVec3::Z),
+        (DVec3::Z, DVec3::Z),
+    ] {
+        assert!((swing(from, to) * from).distance(to) < 1e-12);
+    }
+    let small = DVec3::new(1.0, 1e-9, 0.0).normalize();
+    assert!((swing(DVec3::X, small) * DVec3::X).distance(small) < 1e-16);
 }

@@ -66,8 +66,12 @@ impl File {
     }
 
     fn entry(&mut self, name: &str, kind: i8, dimensions: &[u8], value: &[u8]) {
+        self.entry_of(1, name, kind, dimensions, value);
+    }
+
+    fn entry_of(&mut self, group: u8, name: &str, kind: i8, dimensions: &[u8], value: &[u8]) {
         let step = 5 + dimensions.len() + value.len();
-        self.section.extend([name.len() as u8, 1]);
+        self.section.extend([name.len() as u8, group]);
         self.section.extend(name.as_bytes());
         let step = self.word(step as u16);
         self.section.extend(step);
@@ -331,9 +335,7 @@ fn a_real_frame_count_and_the_fields_of_the_trial_serve_beyond_16_bits() {
     ] {
         // Frames 100,000 to 100,002: two 16-bit words, the lower first.
         let words = [file.word(low), file.word(1)].concat();
-        file.entry(name, 2, &[2], &words);
-        let group = file.section.len() - 8 - name.len() - 2;
-        file.section[group..][..2].copy_from_slice(&[name.len() as u8, 2]);
+        file.entry_of(2, name, 2, &[2], &words);
     }
     file.frames = [65535, 65535];
     assert_eq!(file.check().first_frame, 100_000);

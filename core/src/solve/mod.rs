@@ -1,0 +1,3 @@
+//! Linear systems that are prepared once and solved every frame.
+
+pub mod sparse;

@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Builds the core for WebAssembly, with and without vector instructions, plays the bundled body in
+# Node and compares the hash of its frames with tests/golden/fingerprints.toml.
+#
+# Exit status: 0 done, 1 something is wrong, 77 skipped for want of a program.
+set -euo pipefail
+
+here=$(cd "$(dirname "$0")" && pwd)
+root=$(cd "$here/../.." && pwd)
+target=wasm32-unknown-unknown
+
+skip() {
+    echo "SKIPPED: $1" >&2
+    exit 77
+}
+
+command -v node > /dev/null || skip "needs node"
+rustup target list --installed 2> /dev/null | grep -qx $target ||
+    rustup target add $target > /dev/null 2>&1 ||
+    skip "needs the target $target (rustup target add $target)"
+
+mkdir -p "$here/target"
+asset=$here/target/human.sinew
+(cd "$root" && cargo run --release --quiet -p sinew-host -- bake --quiet \
+    --mesh examples/data/human.glb --motion examples/data/walk.bvh \
+    --motion examples/data/kneel.bvh --output "$asset")
+expected=$(sed -n '/^\[human\]/,/^\[/s/^frames = "\(.*\)"/\1/p' "$root/tests/golden/fingerprints.toml")
+
+for features in "" +simd128; do
+    echo "target features: ${features:-none}"
+    (cd "$here" && RUSTFLAGS="-C target-feature=$features" \
+        cargo build --release --quiet --locked --target $target)
+    node "$here/run.mjs" "$here/target/$target/release/sinew_web.wasm" "$asset" "$expected"
+done

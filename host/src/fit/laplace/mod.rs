@@ -1,0 +1,21 @@
+//! Surfaces driven by a handful of markers, without a skeleton (de Aguiar et al. 2007).
+//!
+//! In: a triangle mesh and the vertices that carry markers. [`Surface`] factors the systems;
+//! [`Surface::exact`] gives the core's tables for solving them each frame, [`collapse`] those for
+//! streaming instead. [`rotations`] finds how markers turn, [`suggest`](mod@suggest) where to put
+//! them, and [`repair`](mod@repair) makes a scan fit for all this.
+
+pub mod cholesky;
+pub mod collapse;
+mod error;
+pub mod graph;
+pub mod operator;
+pub mod repair;
+pub mod rotations;
+pub mod suggest;
+mod surface;
+
+pub use collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse, collapse_within};
+pub use error::{Component, LaplaceError};
+pub use rotations::MarkerTarget;
+pub use surface::{ExactTables, Surface, SurfaceOptions};

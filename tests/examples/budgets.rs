@@ -1,0 +1,146 @@
+//! Compares what the firmware in `examples/cortex-m` printed with what is committed.
+//!
+//! `budgets ASSET REPORT FRAME_ONLY [--check | --update]`: the asset's name in
+//! `tests/budgets.toml`, the file with the output of `walk`, and the firmware `frame_only`.
+
+use std::fmt::Write;
+use std::process::ExitCode;
+use std::{env, fs};
+
+use sinew_tests::budgets::{Fingerprints, Image, Report, Row, Verdict, compare};
+use sinew_tests::root;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let (paths, mode) = match &arguments[..] {
+        [asset, report, firmware] => ([asset, report, firmware], ""),
+        [asset, report, firmware, mode] if mode == "--check" || mode == "--update" => {
+            ([asset, report, firmware], mode.as_str())
+        }
+        _ => {
+            eprintln!("usage: budgets ASSET REPORT FRAME_ONLY [--check | --update]");
+            return ExitCode::from(2);
+        }
+    };
+    match run(paths, mode) {
+        Ok(faults) => {
+            for fault in &faults {
+                eprintln!("error: {fault}");
+            }
+            ExitCode::from(u8::from(!faults.is_empty()))
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Prints the comparison and returns what is wrong.
+fn run([asset, report, firmware]: [&String; 3], mode: &str) -> Result<Vec<String>, String> {
+    let read = |path: &str| fs::read(path).map_err(|error| format!("{path}: {error}"));
+    let parse = |path: &str| -> Result<toml::Table, String> {
+        let text = String::from_utf8_lossy(&read(path)?).into_owned();
+        text.parse().map_err(|error| format!("{path}: {error}"))
+    };
+    let mut measured = Report::from_table(&parse(report)?);
+    let image = Image::read(&read(firmware)?).map_err(|error| format!("{firmware}: {error}"))?;
+    let asset_bytes = measured.numbers.get("bytes_asset").copied();
+    let code = image.flash.saturating_sub(asset_bytes.unwrap_or(0));
+    measured.numbers.insert("bytes_code".into(), code);
+
+    let mut faults: Vec<String> = image
+        .panics
+        .iter()
+        .map(|symbol| format!("{firmware} links a panic path: {symbol}"))
+        .collect();
+    let hashes = root().join("tests/golden/fingerprints.toml");
+    let hashes = String::from_utf8_lossy(&read(&hashes.to_string_lossy())?).into_owned();
+    match Fingerprints::of(&hashes, asset) {
+        None => println!("{asset}: no hash is committed in tests/golden/fingerprints.toml"),
+        Some(hash) if hash.asset != measured.asset => faults.push(format!(
+            "the asset has CRC-32 {}, the committed hash belongs to {}",
+            measured.asset, hash.asset
+        )),
+        Some(hash) if hash.frames != measured.frames => faults.push(format!(
+            "the frames hash to {}, on a desktop to {}",
+            measured.frames, hash.frames
+        )),
+        Some(hash) => println!("{asset}: hash {} as on a desktop", hash.frames),
+    }
+
+    let path = root().join("tests/budgets.toml").display().to_string();
+    let budgets = parse(&path).unwrap_or_default();
+    if mode == "--update" {
+        fs::write(&path, updated(&budgets, asset, &measured)).map_err(|error| error.to_string())?;
+        println!("{asset}: written to tests/budgets.toml");
+        return Ok(faults);
+    }
+    let Some(budget) = budgets.get(asset).and_then(toml::Value::as_table) else {
+        println!("{asset}: no budget is committed in tests/budgets.toml");
+        return Ok(faults);
+    };
+    let budget = Report::from_table(budget);
+    if budget.compiler != measured.compiler {
+        println!(
+            "budgets are of rustc {}, this is {}: more is tolerated",
+            budget.compiler, measured.compiler
+        );
+    }
+    let rows = compare(&budget, &measured);
+    print!("{}", table(asset, &rows));
+    if mode == "--check" {
+        let bad = rows.iter().filter(|row| row.fails());
+        faults.extend(bad.map(|row| {
+            let (name, verdict) = (&row.name, row.verdict);
+            format!("{name}: {verdict:?}; if it must be, commit it with run.sh --update")
+        }));
+    }
+    Ok(faults)
+}
+
+fn table(asset: &str, rows: &[Row]) -> String {
+    let mut text = format!("{asset:<22} {:>11} {:>11}  change\n", "measured", "budget");
+    for row in rows {
+        let number = |n: Option<u64>| n.map_or("-".into(), |n| n.to_string());
+        let change = match (row.measured, row.budget) {
+            (Some(found), Some(budget)) if budget > 0 => {
+                format!("{:+.2} %", (found as f64 / budget as f64 - 1.0) * 100.0)
+            }
+            _ => String::new(),
+        };
+        let verdict = match row.verdict {
+            Verdict::Kept => String::new(),
+            other => format!("{other:?}"),
+        };
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{:<22} {:>11} {:>11}  {change:>8} {verdict}",
+            row.name,
+            number(row.measured),
+            number(row.budget)
+        );
+    }
+    text
+}
+
+/// The file with one asset's table replaced.
+fn updated(budgets: &toml::Table, asset: &str, measured: &Report) -> String {
+    let mut tables: Vec<(String, String)> = budgets
+        .iter()
+        .filter(|(name, _)| *name != asset)
+        .filter_map(|(name, table)| Some((name.clone(), Report::from_table(table.as_table()?))))
+        .map(|(name, report)| (name.clone(), report.to_table(&name)))
+        .collect();
+    tables.push((asset.to_owned(), measured.to_table(asset)));
+    tables.sort();
+    let tables: Vec<_> = tables.into_iter().map(|(_, table)| table).collect();
+    format!("{HEAD}\n{}", tables.join("\n"))
+}
+
+const HEAD: &str = "\
+# What a frame costs on a Cortex-M7 (QEMU's mps2-an500): instructions (icount_), and bytes of flash,
+# RAM, stack and of types. `examples/cortex-m/run.sh --check` fails above +2 %; where another
+# compiler is in use, above +15 %. `--update` writes this file.
+";
