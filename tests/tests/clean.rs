@@ -156,3 +156,27 @@ fn hidden_stretches_of_real_takes() {
         table(file, &[10, 30, 100, 300], placements, 1);
     }
 }
+
+/// Fills a few hidden stretches: the default must beat splines and lines at 30 frames and above.
+#[test]
+fn the_default_beats_interpolation() {
+    for (file, seed) in [
+        ("c3d/cmu_02_05.c3d", 11),
+        ("c3d/freeform_53mk_gappy.c3d", 12),
+    ] {
+        let Some(take) = take(file) else { return };
+        for length in [30, 100] {
+            let mut hidden = stretches(&take, length, 1, seed);
+            hidden.retain(|(marker, _)| marker % 8 == 0);
+            let errors = judge(&take, &hidden, length);
+            let default = errors[0].mean();
+            for (method, errors) in METHODS.iter().zip(&errors).skip(1) {
+                assert!(
+                    default < errors.mean(),
+                    "{file}, {length} frames: {method:?}"
+                );
+            }
+            assert!(default < 0.012, "{file}, {length} frames: {default} m");
+        }
+    }
+}

@@ -2,10 +2,18 @@
 //!
 //! Enters: a [`Take`](crate::take::Take) with gaps. Leaves: the same markers without them, and how
 //! sure each filled sample is. Park & Hodgins 2006, section 4.
+//!
+//! | stage | does |
+//! | --- | --- |
+//! | [`merge`] | unnamed partial trajectories become markers |
+//! | [`despike`] | one or two samples that jump away are taken out |
+//! | [`fill`] | missing samples are estimated |
+//! | [`smooth`] | noise is filtered out in the local frame |
 
 mod despike;
 pub mod fill;
 mod linear;
+pub mod merge;
 mod neighbours;
 mod rigid;
 pub mod smooth;

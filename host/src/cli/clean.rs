@@ -8,18 +8,21 @@ use serde_json::{Value, json};
 
 use super::Failure;
 use super::load::fault;
-use super::say::{Say, notices_json, thousands};
+use super::say::{Say, notices_json};
 use crate::clean::fill::{FillMethod, FillOptions, Filled, fill};
-use crate::clean::smooth::{SmoothOptions, amplitude_kept, pass_count, smooth};
+use crate::clean::merge::{MergeOptions, Merged, merge};
+use crate::clean::smooth::{SmoothOptions, pass_count, smooth};
 use crate::clean::{Spike, despike};
 use crate::export::c3d::write_c3d;
-use crate::export::plot::{Timeline, TimelineRow};
 use crate::export::png::write_png;
 use crate::export::{ExportErrorKind, write_atomic};
 use crate::import::take::{LengthUnit, TakeOptions, UpAxis, read_take};
 use crate::take::Take;
 
-/// Remove spikes from a marker capture, fill its gaps and smooth it, and say how sure each part is.
+mod report;
+
+/// Merge a marker capture's unnamed trajectories, remove spikes, fill gaps and smooth, and say how
+/// sure each part is.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -50,6 +53,10 @@ pub(crate) struct Clean {
     /// Leave spikes where they are.
     #[arg(long)]
     keep_spikes: bool,
+    /// The frame (0 is the first) whose points become the markers of a capture without names; by
+    /// default the one that shows most.
+    #[arg(long, value_name = "FRAME")]
+    reference_frame: Option<usize>,
     /// The capture's unit of length, over what its file says.
     #[arg(long, value_enum)]
     unit: Option<Unit>,
@@ -91,6 +98,7 @@ enum Unit {
 /// What one run did.
 struct Outcome {
     before: Take,
+    merged: Merged,
     filled: Filled,
     spikes: Vec<Spike>,
     passes: usize,
@@ -128,7 +136,17 @@ impl Clean {
             let text = format!("{name}: there are no marker samples in it; nothing to clean");
             return Err(Failure::Data(text));
         }
-        let outcome = self.clean(take, say);
+        if self
+            .reference_frame
+            .is_some_and(|frame| frame >= take.frame_count())
+        {
+            let text = format!(
+                "--reference-frame: {name} has {} frames",
+                take.frame_count()
+            );
+            return Err(Failure::Usage(text));
+        }
+        let outcome = self.clean(take, say)?;
         outcome.tell(say);
         let mut object = outcome.to_json();
         object["take"] = json!(name);
@@ -149,9 +167,14 @@ impl Clean {
         Ok(object)
     }
 
-    fn clean(&self, before: Take, say: &Say) -> Outcome {
+    fn clean(&self, before: Take, say: &Say) -> Result<Outcome, Failure> {
         let start = Instant::now();
-        let mut take = before.clone();
+        let options = MergeOptions {
+            reference_frame: self.reference_frame,
+            ..MergeOptions::default()
+        };
+        let merged = merge(&before, &options).map_err(|error| fault(&self.take, &error))?;
+        let mut take = merged.take.clone();
         let spikes = if self.keep_spikes {
             Vec::new()
         } else {
@@ -169,13 +192,14 @@ impl Clean {
         let cutoff = self.smooth;
         smooth(&mut filled, &SmoothOptions { cutoff }, &|| bar.inc(1));
         bar.finish_and_clear();
-        Outcome {
+        Ok(Outcome {
             before,
+            merged,
             filled,
             spikes,
             passes,
             seconds: start.elapsed().as_secs_f64(),
-        }
+        })
     }
 }
 
@@ -183,167 +207,4 @@ fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     Ok(write_atomic(path, |out| {
         out.write_all(bytes).map_err(ExportErrorKind::from)
     })?)
-}
-
-/// Counts for the table: missing samples, gaps, longest gap, complete frames.
-fn counts(take: &Take) -> [usize; 4] {
-    let markers = || 0..take.marker_count();
-    let gaps = || markers().flat_map(|marker| take.gaps(marker));
-    [
-        markers().map(|marker| take.missing_count(marker)).sum(),
-        gaps().count(),
-        gaps().map(|gap| gap.len()).max().unwrap_or(0),
-        take.complete_frame_count(),
-    ]
-}
-
-impl Outcome {
-    /// Standard deviations of the filled samples in millimetres, ascending.
-    fn deviations(&self) -> Vec<f64> {
-        let filled = self.filled.sigma.iter().filter(|sigma| **sigma > 0.0);
-        let mut all: Vec<f64> = filled.map(|sigma| 1e3 * f64::from(*sigma)).collect();
-        all.sort_by(f64::total_cmp);
-        all
-    }
-
-    fn tell(&self, say: &Say) {
-        let take = &self.before;
-        say.line(format!(
-            "{} markers, {} frames at {:.2} Hz ({:.1} s), cleaned in {:.1} s",
-            take.marker_count(),
-            thousands(take.frame_count() as u64),
-            take.rate(),
-            take.frame_count() as f64 / take.rate(),
-            self.seconds
-        ));
-        say.line(format!("{:>18} {:>12} {:>12}", "", "before", "after"));
-        let names = ["missing samples", "gaps", "longest gap", "complete frames"];
-        let rows = names
-            .iter()
-            .zip(counts(take))
-            .zip(counts(&self.filled.take));
-        for ((name, before), after) in rows {
-            let [before, after] = [before, after].map(|count| thousands(count as u64));
-            say.line(format!("{name:>18} {before:>12} {after:>12}"));
-        }
-        say.line(format!(
-            "{:>18} {:>12} {:>12}",
-            "spikes",
-            self.spikes.len(),
-            0
-        ));
-        let deviations = self.deviations();
-        let at = |share: f64| deviations[((deviations.len() - 1) as f64 * share) as usize];
-        if !deviations.is_empty() && at(1.0).is_finite() {
-            say.line(format!(
-                "filled samples are sure to {:.2} mm an axis (median), {:.2} mm (95 %)",
-                at(0.5),
-                at(0.95)
-            ));
-        }
-        if self.passes > 0 {
-            let kept = |frequency| 100.0 * amplitude_kept(frequency, take.rate(), self.passes);
-            say.line(format!(
-                "smoothing keeps {:.1} % of local motion at 5 Hz, {:.1} % at 10 Hz, {:.1} % at 20 Hz",
-                kept(5.0),
-                kept(10.0),
-                kept(20.0)
-            ));
-        }
-        for (marker, label) in take.labels().iter().enumerate() {
-            let missing = self.filled.take.missing_count(marker);
-            if missing > 0 {
-                let why = if take.missing_count(marker) == take.frame_count() {
-                    "it was never seen"
-                } else {
-                    "too far from any sight of it or its neighbours (--limit)"
-                };
-                say.line(format!(
-                    "note: {label}: {missing} samples stay missing: {why}"
-                ));
-            }
-        }
-    }
-
-    fn to_json(&self) -> Value {
-        let table = |take: &Take| {
-            let [missing, gaps, longest, complete] = counts(take);
-            json!({
-                "missing_samples": missing,
-                "gaps": gaps,
-                "longest_gap": longest,
-                "complete_frames": complete,
-            })
-        };
-        let take = &self.before;
-        let labels = take.labels();
-        let markers = (0..take.marker_count()).map(|marker| {
-            let sigma = (0..take.frame_count()).map(|frame| self.filled.sigma(marker, frame));
-            let filled: Vec<f32> = sigma.filter(|sigma| *sigma > 0.0).collect();
-            let worst = filled.iter().copied().fold(0.0, f32::max);
-            json!({
-                "label": labels[marker],
-                "missing_before": take.missing_count(marker),
-                "filled": filled.len(),
-                "missing_after": self.filled.take.missing_count(marker),
-                "worst_sigma_m": worst.is_finite().then_some(worst),
-            })
-        });
-        let spikes = self.spikes.iter().map(|spike| {
-            json!({
-                "label": labels[spike.marker],
-                "frame": spike.frame,
-                "frames": spike.len,
-                "height_m": spike.height,
-            })
-        });
-        let kept = [1.0, 2.0, 5.0, 10.0, 20.0].map(|frequency| {
-            let kept = amplitude_kept(frequency, take.rate(), self.passes);
-            json!({ "hz": frequency, "kept": kept })
-        });
-        json!({
-            "frames": take.frame_count(),
-            "rate_hz": take.rate(),
-            "seconds": self.seconds,
-            "before": table(take),
-            "after": table(&self.filled.take),
-            "markers": markers.collect::<Vec<_>>(),
-            "spikes": spikes.collect::<Vec<_>>(),
-            "smoothing": { "passes": self.passes, "amplitude_kept": kept },
-        })
-    }
-
-    /// Rows of the markers with gaps: what was missing, and below it what still is.
-    fn timeline(&self) -> Timeline {
-        let spans = |take: &Take, marker| {
-            let seconds = |frame| take.seconds(frame);
-            take.gaps(marker)
-                .map(|gap| [seconds(gap.start), seconds(gap.end)])
-                .collect::<Vec<_>>()
-        };
-        let mut rows = Vec::new();
-        for (marker, label) in self.before.labels().iter().enumerate() {
-            let before = spans(&self.before, marker);
-            if before.is_empty() {
-                continue;
-            }
-            let after = spans(&self.filled.take, marker);
-            rows.push(TimelineRow {
-                name: label.clone(),
-                spans: before,
-            });
-            if !after.is_empty() {
-                rows.push(TimelineRow {
-                    name: format!("{label} (left)"),
-                    spans: after,
-                });
-            }
-        }
-        Timeline {
-            title: "Gaps of each marker".into(),
-            x_label: "seconds".into(),
-            rows,
-            x_range: Some([0.0, self.before.seconds(self.before.frame_count())]),
-        }
-    }
 }

@@ -45,8 +45,8 @@ fn interpolate(
     filled[last.0..].fill(last.1);
     for (span, pair) in knots.windows(2).enumerate() {
         let (a, b) = (pair[0].0, pair[1].0);
-        for frame in a + 1..b {
-            filled[frame] = between(span, (frame - a) as f64 / (b - a) as f64);
+        for (at, position) in filled[a..b].iter_mut().enumerate().skip(1) {
+            *position = between(span, at as f64 / (b - a) as f64);
         }
     }
     filled

@@ -25,6 +25,9 @@ const CORRELATED: f64 = 0.25;
 /// Variance, square metres, by which a rigid distance is expected to vary anyhow.
 const NOISE: f64 = 1e-6;
 
+/// Frame, fold, and what was left of the marker's position in the local frame.
+pub(super) type Residual = (usize, usize, DVec3);
+
 /// Predicts one marker from a set of neighbours.
 pub(super) struct Model {
     set: Vec<usize>,
@@ -40,7 +43,7 @@ pub(super) struct Model {
     /// frame is from those learned.
     familiar: Option<(Cholesky, f64)>,
     /// Residuals of frames left out when predicting them: (frame, fold, local residual), in order.
-    pub residuals: Vec<(usize, usize, DVec3)>,
+    pub residuals: Vec<Residual>,
     /// Mean square of the residuals an axis, square metres.
     pub variance: f64,
 }
@@ -117,7 +120,7 @@ impl Model {
             whole.merge(fold, 1.0);
         }
         let unit = whole.mean_square().max(1e-12) * count;
-        let mut best: Option<(f64, f64, Vec<(usize, usize, DVec3)>)> = None;
+        let mut best: Option<(f64, f64, Vec<Residual>)> = None;
         for ridge in RIDGES {
             let left_out: Vec<Option<Vec<f64>>> = folds
                 .iter()

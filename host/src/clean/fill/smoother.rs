@@ -173,16 +173,16 @@ fn transition(
         }
     }
     let (Some(from), Some(to)) = (from, to) else {
-        for at in SLOW..STATES {
-            noise[at][at] = TINY;
+        for (at, row) in noise.iter_mut().enumerate().skip(SLOW) {
+            row[at] = TINY;
         }
         return (matrix, noise, DMat3::IDENTITY);
     };
     let drift = to.drift;
     let mut stationary = [[0.0; STATES]; STATES];
     set_stationary(&mut stationary, Some(drift));
-    for at in SLOW..STATES {
-        matrix[at][at] = 0.0;
+    for (at, row) in matrix.iter_mut().enumerate().skip(SLOW) {
+        row[at] = 0.0;
     }
     if from.model == to.model {
         matrix[SLOW][SLOW] = (-drift.slow_time.recip()).exp();
