@@ -180,7 +180,7 @@ mod tests {
             DVec3::ZERO,
             DVec3::X,
             DVec3::X * 2.0,
-            DVec3::new(1.0, 0.1, 0.0),
+            DVec3::new(1.0, 0.3, 0.0),
         ];
         let turn = DQuat::from_rotation_x(1.0);
         let posed = rest.map(|p| turn * p);

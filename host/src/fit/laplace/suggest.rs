@@ -48,6 +48,8 @@ pub fn suggest(
                 *error += found.distance_squared(*truth);
             }
         }
+        // Positions are soft: a marker's own vertex may be off, and must not get a second one.
+        markers.iter().for_each(|&v| errors[v as usize] = 0.0);
         let before = markers.len();
         // Markers of one round stay as far apart as markers are on average.
         let apart = mean_distance(&graph, &markers);
