@@ -334,8 +334,9 @@ fn bends(values: &[[f64; WIDTH]]) -> Vec<[f64; WIDTH]> {
         }
     }
     for key in (1..count.saturating_sub(1)).rev() {
-        for at in 0..WIDTH {
-            bends[key][at] -= factors[key] * bends[key + 1][at];
+        let after = bends[key + 1];
+        for (bend, after) in bends[key].iter_mut().zip(after) {
+            *bend -= factors[key] * after;
         }
     }
     bends

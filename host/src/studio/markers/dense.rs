@@ -199,14 +199,14 @@ fn zone(anatomy: &Anatomy, avatar: &Avatar, vertex: usize) -> f64 {
     };
     let joint = avatar.skin.binds[bind as usize].joint;
     let size = anatomy.scale;
-    if let Some(&head) = anatomy.human.roles.get(&Role::Head) {
-        if anatomy.is_below(joint, head) {
-            let offset = (position - anatomy.at(head)) / size;
-            let (height, depth) = (offset.dot(anatomy.up), offset.dot(anatomy.front));
-            // Skull, not face: above the brow, or behind the ears and above the nape.
-            let skull = height > 0.10 || (depth < -0.02 && height > 0.02);
-            return if skull { 0.75 } else { 0.0 };
-        }
+    if let Some(&head) = anatomy.human.roles.get(&Role::Head)
+        && anatomy.is_below(joint, head)
+    {
+        let offset = (position - anatomy.at(head)) / size;
+        let (height, depth) = (offset.dot(anatomy.up), offset.dot(anatomy.front));
+        // Skull, not face: above the brow, or behind the ears and above the nape.
+        let skull = height > 0.10 || (depth < -0.02 && height > 0.02);
+        return if skull { 0.75 } else { 0.0 };
     }
     for side in [Side::Left, Side::Right] {
         let within = |part| {

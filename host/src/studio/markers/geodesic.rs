@@ -63,10 +63,10 @@ impl Ways {
         let at = |vertex: u32| positions[vertex as usize];
         for (&[a, b], across) in &opposite {
             join(a, b, at(a).distance(at(b)));
-            if let [c, d] = across[..] {
-                if let Some(length) = unfolded(at(a), at(b), at(c), at(d)) {
-                    join(c, d, length);
-                }
+            if let [c, d] = across[..]
+                && let Some(length) = unfolded(at(a), at(b), at(c), at(d))
+            {
+                join(c, d, length);
             }
         }
         let mut counts = vec![0u32; positions.len() + 1];
