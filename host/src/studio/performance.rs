@@ -334,9 +334,9 @@ fn bends(values: &[[f64; WIDTH]]) -> Vec<[f64; WIDTH]> {
         }
     }
     for key in (1..count.saturating_sub(1)).rev() {
-        let next = bends[key + 1];
-        for (bend, next) in bends[key].iter_mut().zip(next) {
-            *bend -= factors[key] * next;
+        let after = bends[key + 1];
+        for (bend, after) in bends[key].iter_mut().zip(after) {
+            *bend -= factors[key] * after;
         }
     }
     bends
