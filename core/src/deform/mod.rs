@@ -9,6 +9,7 @@ mod job;
 mod lanes;
 mod level;
 mod linear;
+mod morph;
 mod output;
 mod plain;
 mod rigid;

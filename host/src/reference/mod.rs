@@ -3,6 +3,7 @@
 //! Slow and simple on purpose: what the core computes is judged against these.
 
 pub mod dual;
+pub mod morph;
 pub mod pose;
 pub mod skin;
 mod unpack;
