@@ -88,16 +88,22 @@ pub fn verify(
         };
         report.levels_agree &= bits(player.positions(), scalar.positions())
             && bits(player.normals(), scalar.normals());
-        let local = match clip {
+        let morphs = &truth.mesh.morphs;
+        let (local, weights) = match clip {
             Some(index) => {
                 // The core sees the time as `f32`, so the oracle must too.
                 let seconds = f64::from(seconds as f32);
-                reference::pose::sample(&truth.skeleton, &truth.clips[index], seconds)
+                let clip = &truth.clips[index];
+                let local = reference::pose::sample(&truth.skeleton, clip, seconds);
+                (local, reference::morph::sample(morphs, clip, seconds))
             }
-            None => truth.skeleton.rest(),
+            None => (truth.skeleton.rest(), reference::morph::rest(morphs)),
         };
         let model = reference::pose::model(&truth.skeleton, &local);
-        let (points, normals) = reference::skin::linear_blend(&truth.mesh, &truth.skin, &model);
+        let morphed =
+            (!morphs.is_empty()).then(|| reference::morph::morphed(&truth.mesh, &weights));
+        let mesh = morphed.as_ref().unwrap_or(&truth.mesh);
+        let (points, normals) = reference::skin::linear_blend(mesh, &truth.skin, &model);
         for (vertex, (point, normal)) in points.iter().zip(&normals).enumerate() {
             let wide = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
             let error = wide(player.positions()[vertex]).distance(*point);

@@ -22,6 +22,8 @@ fn worst_error(path: &std::path::Path) -> f64 {
         .iter()
         .flat_map(|clip| &clip.tracks)
         .flat_map(|track| &track.times);
+    let weights = clip.iter().filter_map(|clip| clip.morph_weights.as_ref());
+    let keys = keys.chain(weights.flat_map(|(_, times, _)| times));
     let keys: BTreeSet<u64> = keys.map(|time| time.to_bits()).chain([0]).collect();
     let keys: Vec<f64> = keys.into_iter().map(f64::from_bits).collect();
     let middles = keys.windows(2).map(|pair| f64::midpoint(pair[0], pair[1]));
@@ -69,4 +71,13 @@ fn a_rig_of_two_joints_follows_the_equations() {
 fn the_bundled_hand_follows_the_equations() {
     let worst = worst_error(&root().join("examples/data/hand.glb"));
     assert!(worst <= 1e-6, "{worst} m");
+}
+
+#[test]
+fn morph_targets_follow_the_equations() {
+    let Some(path) = shared("mesh/MorphStressTest.gltf") else {
+        return;
+    };
+    let worst = worst_error(&path);
+    assert!(worst <= 1e-5, "{worst} m");
 }

@@ -7,8 +7,9 @@ use super::header::{
     DIMS_USED, word,
 };
 use super::{
-    ALIGNMENT, Asset, AssetError, Channel, Dims, HEADER_BYTES, LANES, LARGEST, MAGIC, NO_PARENT,
-    SECTION_ROW_BYTES, SectionKind, Track, Triangles, VERSION, WEIGHT_ONE, crc32, decode_track,
+    ALIGNMENT, Asset, AssetError, Channel, Dims, HEADER_BYTES, LANES, LARGEST, LARGEST_WEIGHT,
+    MAGIC, NO_PARENT, SECTION_ROW_BYTES, SectionKind, Track, Triangles, VERSION, WEIGHT_ONE, crc32,
+    decode_track,
 };
 
 const SECTIONS: usize = SectionKind::ALL.len();
@@ -30,6 +31,11 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         positions: sections.view(SectionKind::Positions)?,
         normals: sections.view(SectionKind::Normals)?,
         centres: sections.view(SectionKind::Centres)?,
+        morphs: sections.view(SectionKind::Morphs)?,
+        morph_starts: sections.view(SectionKind::MorphStarts)?,
+        morph_ids: sections.view(SectionKind::MorphIds)?,
+        morph_offsets: sections.view(SectionKind::MorphOffsets)?,
+        morph_normals: sections.view(SectionKind::MorphNormals)?,
         order: sections.view(SectionKind::Order)?,
         triangles: match dims.index_bytes {
             2 => Triangles::U16(sections.view(SectionKind::Triangles)?),
@@ -46,6 +52,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     check_skeleton(&asset)?;
     check_mesh(&asset)?;
     check_blocks(&asset)?;
+    check_morphs(&asset)?;
     check_clips(&asset)?;
     Ok(asset)
 }
@@ -187,6 +194,15 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     let short_indices = dims.index_bytes == 2 && dims.vertex_count <= 1 << 16;
     if !(short_indices || dims.index_bytes == 4) {
         return fault(7);
+    }
+    if dims.morph_count >= usize::from(NO_PARENT) {
+        return fault(18);
+    }
+    if dims.morph_count == 0 && dims.morph_row_count != 0 {
+        return fault(19);
+    }
+    if dims.morph_normal_count != 0 && dims.morph_normal_count != dims.morph_row_count {
+        return fault(20);
     }
     if dims.max_clip_tracks > dims.track_count {
         return fault(11);
@@ -416,6 +432,46 @@ fn check_blocks(asset: &Asset<'_>) -> Result<(), AssetError> {
     Ok(())
 }
 
+fn check_morphs(asset: &Asset<'_>) -> Result<(), AssetError> {
+    for (row, &[offset, length, weight, zero]) in asset.morphs.iter().enumerate() {
+        let section = SectionKind::Morphs;
+        name(asset, section, row, (offset, length))?;
+        numbers(section, [f32::from_bits(weight)], LARGEST_WEIGHT)?;
+        if zero != 0 {
+            return Err(AssetError::Number { section, at: row });
+        }
+    }
+    let rows = asset.dims.morph_row_count;
+    let mut before = 0;
+    for (block, &start) in asset.morph_starts.iter().enumerate() {
+        let start = start as usize;
+        let sound = match block {
+            0 => start == 0,
+            _ if block == asset.dims.block_count => start == rows && start >= before,
+            _ => start >= before && start <= rows,
+        };
+        if !sound {
+            return Err(AssetError::Index {
+                section: SectionKind::MorphStarts,
+                row: block,
+                value: start,
+                limit: rows,
+            });
+        }
+        before = start;
+    }
+    for (row, &morph) in asset.morph_ids.iter().enumerate() {
+        let morph = usize::from(morph);
+        below(SectionKind::MorphIds, row, morph, asset.dims.morph_count)?;
+    }
+    let flat = |rows: &'_ [super::Lanes3], section, largest| {
+        let all = rows.as_flattened().as_flattened();
+        numbers(section, all.iter().copied(), largest)
+    };
+    flat(asset.morph_offsets, SectionKind::MorphOffsets, LARGEST)?;
+    flat(asset.morph_normals, SectionKind::MorphNormals, 4.0)
+}
+
 fn check_clips(asset: &Asset<'_>) -> Result<(), AssetError> {
     let (mut first_track, mut most_tracks, mut most_keys) = (0, 0, 0);
     for (
@@ -489,7 +545,12 @@ fn check_clips(asset: &Asset<'_>) -> Result<(), AssetError> {
                 limit,
             });
         };
-        below(section, row, track.joint, asset.dims.joint_count)?;
+        let targets = if track.channel == Channel::MorphWeight {
+            asset.dims.morph_count
+        } else {
+            asset.dims.joint_count
+        };
+        below(section, row, track.target, targets)?;
         check_keys(&track, row)?;
         most_keys = most_keys.max(track.times.len());
     }

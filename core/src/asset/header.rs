@@ -27,6 +27,9 @@ pub const NO_PARENT: u16 = 0xFFFF;
 /// Numbers in the asset are at most this large, so that no product in a frame overflows.
 pub const LARGEST: f32 = 1e6;
 
+/// Morph weights are at most this large.
+pub const LARGEST_WEIGHT: f32 = 1e3;
+
 pub(crate) const AT_VERSION: usize = 8;
 pub(crate) const AT_TOTAL_BYTES: usize = 12;
 pub(crate) const AT_CHECKSUM: usize = 16;
@@ -37,7 +40,7 @@ pub(crate) const AT_RESERVED: usize = 24;
 pub(crate) const AT_DIMS: usize = 32;
 pub(crate) const DIMS_WORDS: usize = 32;
 /// Words beyond these are zero.
-pub(crate) const DIMS_USED: usize = 18;
+pub(crate) const DIMS_USED: usize = 21;
 
 /// All counts of an asset. They size every buffer and bound the cost of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -59,6 +62,12 @@ pub struct Dims {
     pub run_count: usize,
     /// Blocks with centres of rotation: all that need blending, or none.
     pub centre_block_count: usize,
+    /// Morph targets.
+    pub morph_count: usize,
+    /// (morph, eight offsets) rows of all blocks together.
+    pub morph_row_count: usize,
+    /// Rows that move normals too: all or none.
+    pub morph_normal_count: usize,
     /// Triangles of the mesh.
     pub triangle_count: usize,
     /// Bytes of a vertex index, 2 or 4.
@@ -134,6 +143,9 @@ impl Dims {
             name_bytes: word(bytes, AT_DIMS + 60),
             run_count: word(bytes, AT_DIMS + 64),
             centre_block_count: word(bytes, AT_DIMS + 68),
+            morph_count: word(bytes, AT_DIMS + 72),
+            morph_row_count: word(bytes, AT_DIMS + 76),
+            morph_normal_count: word(bytes, AT_DIMS + 80),
         }
     }
 
@@ -159,6 +171,9 @@ impl Dims {
             self.name_bytes,
             self.run_count,
             self.centre_block_count,
+            self.morph_count,
+            self.morph_row_count,
+            self.morph_normal_count,
         ];
         let mut words = [0; DIMS_WORDS];
         let mut at = 0;
@@ -208,6 +223,16 @@ pub enum SectionKind {
     Normals = u32::from_le_bytes(*b"VNRM"),
     /// `f32 [centre blocks x 3 x 8]`: centres of rotation of blocks with two or more slots.
     Centres = u32::from_le_bytes(*b"VCOR"),
+    /// `u32 [morphs x 4]`: name offset, name bytes, weight at rest (f32), 0.
+    Morphs = u32::from_le_bytes(*b"MORF"),
+    /// `u32 [blocks + 1]`, or empty without morphs: first row of each block, then the row count.
+    MorphStarts = u32::from_le_bytes(*b"MSTA"),
+    /// `u16 [rows]`: morph of each row.
+    MorphIds = u32::from_le_bytes(*b"MIDS"),
+    /// `f32 [rows x 3 x 8]`: offsets of positions at weight one.
+    MorphOffsets = u32::from_le_bytes(*b"MOFF"),
+    /// `f32 [rows x 3 x 8]`, or empty: offsets of normals.
+    MorphNormals = u32::from_le_bytes(*b"MNRM"),
     /// `u32 [vertices]`: index in the source mesh of each vertex in block order.
     Order = u32::from_le_bytes(*b"VORD"),
     /// `u16` or `u32 [triangles x 3]`: vertex indices in block order.
@@ -230,7 +255,7 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 25] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -242,6 +267,11 @@ impl SectionKind {
         Self::Positions,
         Self::Normals,
         Self::Centres,
+        Self::Morphs,
+        Self::MorphStarts,
+        Self::MorphIds,
+        Self::MorphOffsets,
+        Self::MorphNormals,
         Self::Order,
         Self::Triangles,
         Self::Parts,
@@ -263,6 +293,15 @@ impl SectionKind {
             Self::InverseBind => dims.bind_count.checked_mul(48),
             Self::BindRotations => dims.bind_count.checked_mul(16),
             Self::Centres => dims.centre_block_count.checked_mul(96),
+            Self::Morphs => dims.morph_count.checked_mul(16),
+            Self::MorphStarts if dims.morph_count == 0 => Some(0),
+            Self::MorphStarts => match dims.block_count.checked_add(1) {
+                Some(count) => count.checked_mul(4),
+                None => None,
+            },
+            Self::MorphIds => dims.morph_row_count.checked_mul(2),
+            Self::MorphOffsets => dims.morph_row_count.checked_mul(96),
+            Self::MorphNormals => dims.morph_normal_count.checked_mul(96),
             Self::Runs => dims.run_count.checked_mul(16),
             Self::SlotBinds => dims.slot_count.checked_mul(2),
             Self::SlotWeights => dims.slot_count.checked_mul(16),

@@ -13,8 +13,8 @@ mod include;
 pub use checksum::crc32;
 pub use error::AssetError;
 pub use header::{
-    ALIGNMENT, Dims, HEADER_BYTES, LANES, LARGEST, MAGIC, NO_PARENT, SECTION_ROW_BYTES,
-    SectionKind, VERSION, WEIGHT_ONE,
+    ALIGNMENT, Dims, HEADER_BYTES, LANES, LARGEST, LARGEST_WEIGHT, MAGIC, NO_PARENT,
+    SECTION_ROW_BYTES, SectionKind, VERSION, WEIGHT_ONE,
 };
 pub use include::Aligned;
 
@@ -36,6 +36,11 @@ pub struct Asset<'a> {
     pub(crate) positions: &'a [Lanes3],
     pub(crate) normals: &'a [Lanes3],
     pub(crate) centres: &'a [Lanes3],
+    pub(crate) morphs: &'a [[u32; 4]],
+    pub(crate) morph_starts: &'a [u32],
+    pub(crate) morph_ids: &'a [u16],
+    pub(crate) morph_offsets: &'a [Lanes3],
+    pub(crate) morph_normals: &'a [Lanes3],
     pub(crate) order: &'a [u32],
     triangles: Triangles<'a>,
     parts: &'a [[u32; 4]],
@@ -93,6 +98,26 @@ pub struct Clip<'a> {
     key_values: &'a [f32],
 }
 
+/// Offsets that can be blended in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Morph<'a> {
+    /// Name in the source mesh.
+    pub name: &'a str,
+    /// Weight when nothing animates it.
+    pub rest_weight: f32,
+}
+
+/// Offsets of a block's vertices under one morph target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MorphRow<'a> {
+    /// Which morph target.
+    pub morph: usize,
+    /// At weight one, metres.
+    pub offsets: &'a Lanes3,
+    /// Of the normals, where the asset has them.
+    pub normals: Option<&'a Lanes3>,
+}
+
 /// What part of a joint a track moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
@@ -102,6 +127,8 @@ pub enum Channel {
     Rotation,
     /// Factors, three numbers.
     Scale,
+    /// Weight of a morph target, one number.
+    MorphWeight,
 }
 
 /// How values between two keys are found.
@@ -115,11 +142,11 @@ pub enum Interpolation {
     CubicSpline,
 }
 
-/// One animated channel of one joint.
+/// One animated channel of one joint, or the weight of a morph target.
 #[derive(Clone, Copy, Debug)]
 pub struct Track<'a> {
-    /// The joint.
-    pub joint: usize,
+    /// The joint; the morph target where the channel is [`Channel::MorphWeight`].
+    pub target: usize,
     /// What it moves.
     pub channel: Channel,
     /// Between keys.
@@ -137,6 +164,7 @@ impl Channel {
         match self {
             Self::Rotation => 4,
             Self::Translation | Self::Scale => 3,
+            Self::MorphWeight => 1,
         }
     }
 
@@ -147,6 +175,7 @@ impl Channel {
             0 => Some(Self::Translation),
             1 => Some(Self::Rotation),
             2 => Some(Self::Scale),
+            3 => Some(Self::MorphWeight),
             _ => None,
         }
     }
@@ -289,6 +318,38 @@ impl<'a> Asset<'a> {
         self.centres
     }
 
+    /// A morph target; `None` for one that does not exist.
+    #[must_use]
+    pub fn morph(&self, index: usize) -> Option<Morph<'a>> {
+        let &[name, name_bytes, rest_weight, _] = self.morphs.get(index)?;
+        Some(Morph {
+            name: self.name(name, name_bytes),
+            rest_weight: f32::from_bits(rest_weight),
+        })
+    }
+
+    /// Morph targets that move a block's vertices, ascending.
+    #[inline]
+    pub fn morph_rows(&self, block: usize) -> impl Iterator<Item = MorphRow<'a>> + use<'a> {
+        let starts = (
+            self.morph_starts.get(block),
+            self.morph_starts.get(block + 1),
+        );
+        let range = match starts {
+            (Some(&first), Some(&end)) => first as usize..end as usize,
+            _ => 0..0,
+        };
+        let ids = self.morph_ids.get(range.clone()).unwrap_or_default();
+        let offsets = self.morph_offsets.get(range.clone()).unwrap_or_default();
+        let normals = self.morph_normals.get(range).unwrap_or_default();
+        let rows = ids.iter().zip(offsets).enumerate();
+        rows.map(move |(row, (&morph, offsets))| MorphRow {
+            morph: usize::from(morph),
+            offsets,
+            normals: normals.get(row),
+        })
+    }
+
     /// Vertex indices of all triangles.
     #[must_use]
     pub fn triangles(&self) -> Triangles<'a> {
@@ -389,7 +450,7 @@ fn decode_track<'a>(row: &[u32; 4], times: &'a [f32], values: &'a [f32]) -> Opti
     let width = channel.width() * interpolation.values_a_key();
     let numbers = keys.checked_mul(width)?;
     Some(Track {
-        joint: (what & 0xFFFF) as usize,
+        target: (what & 0xFFFF) as usize,
         channel,
         interpolation,
         times: times.get(first_time..first_time.checked_add(keys)?)?,

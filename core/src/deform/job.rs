@@ -5,6 +5,7 @@ use core::ops::Range;
 use super::Level;
 use super::dual::{Centres, DualQuaternion};
 use super::linear::Linear;
+use super::morph::Morphs;
 use super::output::Output;
 use super::skin::{self, Blend, Task};
 use crate::asset::Asset;
@@ -53,12 +54,14 @@ pub struct SkinJob<'p> {
     pub mode: SkinMode,
     /// What moves normals.
     pub normals: NormalMode,
+    /// `[morphs]`; missing ones count as zero.
+    pub morph_weights: &'p [f32],
     /// Instructions; the output's bits do not depend on them.
     pub level: Level,
 }
 
 impl<'p> SkinJob<'p> {
-    /// Linear blend, fast normals, best level.
+    /// Linear blend, fast normals, no morph targets, best level.
     #[must_use]
     pub fn linear(palette: &'p [Affine12]) -> Self {
         Self {
@@ -67,6 +70,7 @@ impl<'p> SkinJob<'p> {
             stretched: false,
             mode: SkinMode::Linear,
             normals: NormalMode::Fast,
+            morph_weights: &[],
             level: Level::best(),
         }
     }
@@ -112,6 +116,7 @@ impl<'p> SkinJob<'p> {
         let task = |blocks| Task {
             asset,
             blend: &blend,
+            morphs: Morphs::new(asset, self.morph_weights),
             exact_normals: self.normals == NormalMode::InverseTranspose,
             blocks,
         };

@@ -9,6 +9,7 @@ mod job;
 mod lanes;
 pub mod laplacian;
 mod linear;
+mod morph;
 mod output;
 mod plain;
 mod rigid;

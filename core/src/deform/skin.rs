@@ -6,6 +6,7 @@
 use core::ops::Range;
 
 use super::lanes::Lanes;
+use super::morph::Morphs;
 use super::output::Output;
 use super::rigid::Rigid;
 #[cfg(feature = "simd")]
@@ -18,8 +19,44 @@ use crate::math::{Affine12, IDENTITY};
 pub(super) struct Task<'j, 'a, B> {
     pub asset: &'j Asset<'a>,
     pub blend: &'j B,
+    /// `None` where nothing is added to the rest shape.
+    pub morphs: Option<Morphs<'j, 'a>>,
     pub exact_normals: bool,
     pub blocks: Range<usize>,
+}
+
+impl<B> Task<'_, '_, B> {
+    /// Rest positions with what morph targets add.
+    #[inline(always)]
+    fn position<L: Lanes>(
+        &self,
+        token: L::Token,
+        rest: &Lanes3,
+        block: usize,
+        first: usize,
+    ) -> [L; 3] {
+        let rest = load(token, rest, first);
+        match &self.morphs {
+            Some(morphs) => morphs.positions(token, block, first, rest),
+            None => rest,
+        }
+    }
+
+    /// Rest normals with what morph targets add, at unit length.
+    #[inline(always)]
+    fn normal<L: Lanes>(
+        &self,
+        token: L::Token,
+        rest: &Lanes3,
+        block: usize,
+        first: usize,
+    ) -> [L; 3] {
+        let rest = load(token, rest, first);
+        match &self.morphs {
+            Some(morphs) => morphs.normals(token, block, first, rest),
+            None => rest,
+        }
+    }
 }
 
 /// Finds a matrix for each lane of a block.
@@ -144,12 +181,12 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
             for part in (0..L::WIDTH).step_by(L::Part::WIDTH) {
                 let matrix = some_lanes(token, &sums, part);
                 let first = first + part;
-                let position = load(token, positions, first);
+                let position = job.position(token, positions, block, first);
                 store.positions(block, first, move_point(&matrix, position));
                 if !wants_normals {
                     continue;
                 }
-                let rest = load(token, normals, first);
+                let rest = job.normal(token, normals, block, first);
                 let normal = if job.exact_normals {
                     turn_exactly(token, &matrix, rest)
                 } else {
@@ -203,13 +240,14 @@ fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
             for (lanes, &value) in matrix.iter_mut().zip(&rigid.matrix) {
                 *lanes = L::splat(token, value);
             }
-            let position = load::<L>(token, positions, first);
+            let position = job.position::<L>(token, positions, block, first);
             store.positions(block, first, move_point(&matrix, position));
             if wants_normals {
                 for (lanes, &value) in matrix.iter_mut().zip(&rigid.normals) {
                     *lanes = L::splat(token, value);
                 }
-                let mut normal = turn(&matrix, load::<L>(token, normals, first));
+                let rest = job.normal::<L>(token, normals, block, first);
+                let mut normal = turn(&matrix, rest);
                 if !rigid.keeps_length {
                     normal = to_unit_length(token, normal);
                 }

@@ -2,7 +2,7 @@
 
 use core::borrow::BorrowMut;
 
-use super::buffers::{Progress, dual_len, dual_parts};
+use super::buffers::{Kept, Progress, dual_len, dual_parts};
 use super::{Budget, Flags, FrameReport, State, Workspace, any_mode_workspace_len};
 use crate::asset::Asset;
 use crate::deform::{Level, NormalMode, Output, SizeError, SkinJob, SkinMode};
@@ -27,6 +27,13 @@ pub enum Input<'i> {
     },
     /// Local transforms, `[joints]`.
     Pose(&'i [Transform]),
+    /// Local transforms and the weights of morph targets.
+    Morphed {
+        /// `[joints]`
+        pose: &'i [Transform],
+        /// `[morphs]`
+        weights: &'i [f32],
+    },
 }
 
 /// An asset, what it remembers, and scratch: everything a frame needs.
@@ -54,6 +61,7 @@ pub struct Avatar<'r, 'a> {
     asset: &'r Asset<'a>,
     progress: &'r mut Progress,
     local: &'r mut [Local],
+    weights: &'r mut [f32],
     model: &'r mut [Joint12],
     palette: &'r mut [Joint12],
     /// What the workspace has besides.
@@ -73,10 +81,15 @@ impl<'r, 'a> Avatar<'r, 'a> {
         state: &'r mut State<S>,
         workspace: &'r mut Workspace<W>,
     ) -> Result<Self, SizeError> {
-        let (progress, local) = state.parts(asset.dims())?;
+        let Kept {
+            progress,
+            local,
+            weights,
+        } = state.parts(asset.dims())?;
         let scratch = workspace.parts(asset.dims())?;
         if !progress.posed {
             pose::rest(asset, local);
+            pose::rest_morphs(asset, weights);
             *progress = Progress {
                 posed: true,
                 next_block: 0,
@@ -86,6 +99,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             asset,
             progress,
             local,
+            weights,
             model: scratch.model,
             palette: scratch.palette,
             spare: scratch.rest,
@@ -149,6 +163,12 @@ impl<'r, 'a> Avatar<'r, 'a> {
         report
     }
 
+    /// Weights of all morph targets after the last step.
+    #[must_use]
+    pub fn morph_weights(&self) -> &[f32] {
+        self.weights
+    }
+
     /// Model-space matrices of all joints after the last step, rows of 3 x 4: attachment points.
     #[must_use]
     pub fn model(&self) -> &[Joint12] {
@@ -158,7 +178,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
     fn pose(&mut self, input: &Input<'_>, report: &mut FrameReport) {
         match *input {
             Input::Hold => {}
-            Input::Rest => pose::rest(self.asset, self.local),
+            Input::Rest => self.rest(),
             Input::Clip {
                 index,
                 seconds,
@@ -175,19 +195,34 @@ impl<'r, 'a> Avatar<'r, 'a> {
                     } else {
                         seconds
                     };
-                    pose::rest(self.asset, self.local);
+                    self.rest();
                     pose::sample(&clip, seconds, self.local);
+                    pose::sample_morphs(&clip, seconds, self.weights);
                 }
             },
-            Input::Pose(pose) => {
-                if pose.len() < self.local.len() {
-                    report.flags |= Flags::SHORT_POSE;
-                }
-                report.held_joints = pose::accept(pose, self.local);
-                if report.held_joints > 0 {
+            Input::Pose(pose) => self.accept(pose, report),
+            Input::Morphed { pose, weights } => {
+                self.accept(pose, report);
+                report.held_morphs = pose::accept_morphs(weights, self.weights);
+                if report.held_morphs > 0 {
                     report.flags |= Flags::BAD_INPUT;
                 }
             }
+        }
+    }
+
+    fn rest(&mut self) {
+        pose::rest(self.asset, self.local);
+        pose::rest_morphs(self.asset, self.weights);
+    }
+
+    fn accept(&mut self, pose: &[Transform], report: &mut FrameReport) {
+        if pose.len() < self.local.len() {
+            report.flags |= Flags::SHORT_POSE;
+        }
+        report.held_joints = pose::accept(pose, self.local);
+        if report.held_joints > 0 {
+            report.flags |= Flags::BAD_INPUT;
         }
     }
 
@@ -211,6 +246,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             mode: self.mode,
             normals: self.normals,
             level: self.level,
+            morph_weights: self.weights,
             ..SkinJob::linear(self.palette)
         };
         if self.mode != SkinMode::Linear

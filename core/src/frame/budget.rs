@@ -63,8 +63,10 @@ const SPLINE: u64 = 14 + 16 + (4 + 9 + 4);
 const LOCAL_TO_MATRIX: u64 = 9 + 9;
 /// Three rows of four columns, three products each.
 const COMPOSE: u64 = 36;
+/// A vector's square, its inverse square root, the product of both.
+const UNIT_LENGTH: u64 = 3 + 9 + 3;
 /// Position; normal; its length.
-const VERTEX: u64 = 9 + 9 + 3 + 9 + 3;
+const VERTEX: u64 = 9 + 9 + UNIT_LENGTH;
 /// A weight to parts of one, then twelve numbers of a matrix by it.
 const SLOT_VERTEX: u64 = 1 + 12;
 
@@ -110,12 +112,19 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
     // Under a limit nobody knows which blocks come: the most slots that so many can have are
     // those left when every other block has just one.
     let slots = dims.slot_count as u64 - (all - blocks);
+    // All rows could lie in the blocks that come; each block's normals are then made unit again.
+    let (rows, normals) = (dims.morph_row_count as u64, dims.morph_normal_count as u64);
     Cost {
-        mul_adds: blocks * lanes * VERTEX + slots * lanes * SLOT_VERTEX,
+        mul_adds: blocks * lanes * VERTEX
+            + slots * lanes * SLOT_VERTEX
+            + lanes * (3 * rows + (3 + UNIT_LENGTH) * normals),
         divisions: 0,
         bytes_read: 16 * dims.run_count as u64
             + blocks * (2 * 96 + 4 * lanes)
-            + slots * (2 + 2 * lanes),
+            + slots * (2 + 2 * lanes)
+            + rows * (2 + 96)
+            + normals * 96
+            + if rows > 0 { 8 * blocks } else { 0 },
         bytes_written: blocks * lanes * 24,
     }
 }
@@ -133,6 +142,9 @@ mod tests {
         rigid_block_count: 1,
         run_count: 2,
         centre_block_count: 0,
+        morph_count: 0,
+        morph_row_count: 0,
+        morph_normal_count: 0,
         triangle_count: 0,
         index_bytes: 2,
         part_count: 0,

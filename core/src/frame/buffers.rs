@@ -15,7 +15,7 @@ const DUAL: usize = 17;
 /// Numbers that a [`State`] needs.
 #[must_use]
 pub const fn state_len(dims: &Dims) -> usize {
-    dims.joint_count * LOCAL
+    dims.joint_count * LOCAL + dims.morph_count
 }
 
 /// Numbers that a [`Workspace`] needs.
@@ -87,13 +87,25 @@ impl<B: BorrowMut<[f32]>> State<B> {
         }
     }
 
-    pub(super) fn parts(
-        &mut self,
-        dims: &Dims,
-    ) -> Result<(&mut Progress, &mut [Local]), SizeError> {
+    pub(super) fn parts(&mut self, dims: &Dims) -> Result<Kept<'_>, SizeError> {
         let numbers = exactly(self.numbers.borrow_mut(), state_len(dims), "state")?;
-        Ok((&mut self.progress, numbers.as_chunks_mut().0))
+        let joints = (dims.joint_count * LOCAL).min(numbers.len());
+        let (local, weights) = numbers.split_at_mut(joints);
+        Ok(Kept {
+            progress: &mut self.progress,
+            local: local.as_chunks_mut().0,
+            weights,
+        })
     }
+}
+
+/// A state, cut up.
+pub(super) struct Kept<'b> {
+    pub progress: &'b mut Progress,
+    /// `[joints]`
+    pub local: &'b mut [Local],
+    /// `[morphs]`
+    pub weights: &'b mut [f32],
 }
 
 /// Scratch of a frame. Its contents do not matter between frames, so one serves many avatars.

@@ -62,6 +62,8 @@ pub struct FrameReport {
     pub flags: Flags,
     /// Joints that kept an older transform because their input was unusable.
     pub held_joints: usize,
+    /// Morph targets that kept an older weight because theirs was unusable.
+    pub held_morphs: usize,
     /// Blocks of vertices that this frame brought up to date.
     pub blocks_done: usize,
     /// Blocks that still show an older frame because the budget ran out.

@@ -2,7 +2,7 @@
 
 use glam::{Quat, Vec3};
 
-use crate::asset::{Asset, Channel, Clip, Interpolation, LARGEST, Track};
+use crate::asset::{Asset, Channel, Clip, Interpolation, LARGEST, LARGEST_WEIGHT, Track};
 use crate::math::{Quat4, normalise, slerp};
 
 /// A joint relative to its parent: rotation x y z w, translation (metres), scale.
@@ -81,7 +81,7 @@ const LARGEST_SCALE: f32 = 1e3;
 /// `local: [joints]`, old contents stay where the clip is silent. O(tracks log keys)
 pub fn sample(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
     for track in clip.tracks() {
-        let Some(local) = local.get_mut(track.joint) else {
+        let Some(local) = local.get_mut(track.target) else {
             continue;
         };
         let [rx, ry, rz, rw, tx, ty, tz, sx, sy, sz] = local;
@@ -92,15 +92,53 @@ pub fn sample(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
                 }
             }
             Channel::Translation => {
-                if let Some(value) = sample_vector(&track, seconds) {
+                if let Some(value) = sample_numbers(&track, seconds) {
                     [*tx, *ty, *tz] = value;
                 }
             }
             Channel::Scale => {
-                if let Some(value) = sample_vector(&track, seconds) {
+                if let Some(value) = sample_numbers(&track, seconds) {
                     [*sx, *sy, *sz] = value;
                 }
             }
+            Channel::MorphWeight => {}
+        }
+    }
+}
+
+/// Writes the morph weights at rest. `weights: [morphs]`, old contents do not matter. O(morphs)
+pub fn rest_morphs(asset: &Asset<'_>, weights: &mut [f32]) {
+    for (weight, &[_, _, rest, _]) in weights.iter_mut().zip(asset.morphs) {
+        *weight = f32::from_bits(rest);
+    }
+}
+
+/// Takes over a caller's morph weights and returns how many were not usable.
+///
+/// A weight that is not finite or exceeds 1e3 keeps its old value, as do those beyond the end.
+/// `weights: [morphs]`, old contents matter. O(morphs)
+pub fn accept_morphs(morphs: &[f32], weights: &mut [f32]) -> usize {
+    let mut refused = 0;
+    for (weight, &morph) in weights.iter_mut().zip(morphs) {
+        if (-LARGEST_WEIGHT..=LARGEST_WEIGHT).contains(&morph) {
+            *weight = morph;
+        } else {
+            refused += 1;
+        }
+    }
+    refused
+}
+
+/// Writes the morph weights that `clip` states at `seconds` over `weights`, leaving others alone.
+/// `weights: [morphs]`. O(tracks log keys)
+pub fn sample_morphs(clip: &Clip<'_>, seconds: f32, weights: &mut [f32]) {
+    for track in clip.tracks() {
+        if track.channel == Channel::MorphWeight
+            && let Some(weight) = weights.get_mut(track.target)
+            && let Some([value]) = sample_numbers(&track, seconds)
+        {
+            // A spline may overshoot its keys.
+            *weight = value.clamp(-LARGEST_WEIGHT, LARGEST_WEIGHT);
         }
     }
 }
@@ -151,12 +189,12 @@ fn sample_rotation(track: &Track<'_>, seconds: f32) -> Option<Quat4> {
     }
 }
 
-fn sample_vector(track: &Track<'_>, seconds: f32) -> Option<[f32; 3]> {
+fn sample_numbers<const N: usize>(track: &Track<'_>, seconds: f32) -> Option<[f32; N]> {
     let span = find(track.times, seconds);
     if track.interpolation == Interpolation::CubicSpline {
-        return spline::<3>(track.values.as_chunks().0, &span);
+        return spline::<N>(track.values.as_chunks().0, &span);
     }
-    let keys = track.values.as_chunks::<3>().0;
+    let keys = track.values.as_chunks::<N>().0;
     let from = *keys.get(span.key)?;
     match keys.get(span.key + 1) {
         Some(to) if span.fraction > 0.0 && track.interpolation == Interpolation::Linear => {
@@ -215,7 +253,7 @@ mod tests {
         values: &'a [f32],
     ) -> Track<'a> {
         Track {
-            joint: 0,
+            target: 0,
             channel,
             interpolation,
             times,
@@ -228,13 +266,13 @@ mod tests {
         let values = [0.0, 0.0, 0.0, 2.0, 4.0, 6.0];
         let times = [1.0, 3.0];
         let step = track(Channel::Translation, Interpolation::Step, &times, &values);
-        near(&sample_vector(&step, 2.5).unwrap(), &[0.0; 3]);
-        near(&sample_vector(&step, 3.0).unwrap(), &[2.0, 4.0, 6.0]);
+        near(&sample_numbers::<3>(&step, 2.5).unwrap(), &[0.0; 3]);
+        near(&sample_numbers::<3>(&step, 3.0).unwrap(), &[2.0, 4.0, 6.0]);
         let line = track(Channel::Translation, Interpolation::Linear, &times, &values);
-        near(&sample_vector(&line, 0.0).unwrap(), &[0.0; 3]);
-        near(&sample_vector(&line, 1.5).unwrap(), &[0.5, 1.0, 1.5]);
-        near(&sample_vector(&line, 9.0).unwrap(), &[2.0, 4.0, 6.0]);
-        near(&sample_vector(&line, f32::NAN).unwrap(), &[0.0; 3]);
+        near(&sample_numbers::<3>(&line, 0.0).unwrap(), &[0.0; 3]);
+        near(&sample_numbers::<3>(&line, 1.5).unwrap(), &[0.5, 1.0, 1.5]);
+        near(&sample_numbers::<3>(&line, 9.0).unwrap(), &[2.0, 4.0, 6.0]);
+        near(&sample_numbers::<3>(&line, f32::NAN).unwrap(), &[0.0; 3]);
     }
 
     #[test]
@@ -263,10 +301,10 @@ mod tests {
             &[0.0, 2.0],
             values.as_flattened(),
         );
-        near(&sample_vector(&spline, 0.0).unwrap(), &key(1.0));
-        near(&sample_vector(&spline, 2.0).unwrap(), &key(5.0));
+        near(&sample_numbers::<3>(&spline, 0.0).unwrap(), &key(1.0));
+        near(&sample_numbers::<3>(&spline, 2.0).unwrap(), &key(5.0));
         // h00 = h01 = 1/2, h10 = 1/8: 0.5 + 0.125 * 2 * 2 + 2.5.
-        near(&sample_vector(&spline, 1.0).unwrap(), &key(3.5));
+        near(&sample_numbers::<3>(&spline, 1.0).unwrap(), &key(3.5));
     }
 
     #[test]

@@ -9,5 +9,7 @@ mod local;
 mod model;
 
 pub use dual::{Dual17, duals, rotations};
-pub use local::{Local, Transform, accept, rest, sample};
+pub use local::{
+    Local, Transform, accept, accept_morphs, rest, rest_morphs, sample, sample_morphs,
+};
 pub use model::{Joint12, palette, to_model};

@@ -1,5 +1,8 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
+mod clips;
+mod morphs;
+
 use std::collections::HashMap;
 
 use glam::{DAffine3, DVec3};
@@ -11,7 +14,7 @@ use sinew_core::asset::{
 use super::BakeError;
 use super::blocks::Blocks;
 use super::clips::SparseClips;
-use crate::model::{Avatar, Channel, Interpolation};
+use crate::model::Avatar;
 
 /// All sections, in file order, then header and table in front of them.
 ///
@@ -30,7 +33,8 @@ pub fn write(
         writer.centres(blocks, centres)?;
     }
     writer.triangles(avatar, blocks)?;
-    writer.clips(clips)?;
+    writer.morphs(&avatar.mesh.morphs, blocks)?;
+    writer.clips(clips, &avatar.mesh.morphs)?;
     writer.finish()
 }
 
@@ -169,55 +173,6 @@ impl Writer {
         Ok(())
     }
 
-    fn clips(&mut self, clips: &SparseClips) -> Result<(), BakeError> {
-        let (mut rows, mut tracks) = (Vec::new(), Vec::new());
-        let (mut times, mut values): (Vec<f32>, Vec<f32>) = (Vec::new(), Vec::new());
-        let mut shared: HashMap<Vec<u32>, usize> = HashMap::new();
-        for clip in &clips.clips {
-            let [name, name_bytes] = self.name(&clip.name);
-            let what = || format!("duration of clip {:?}", clip.name);
-            let duration = fits(clip.duration, what)?.to_bits();
-            let period = (clip.sample_period.unwrap_or(0.0) as f32).to_bits();
-            let (first, count) = (tracks.len() as u32, clip.tracks.len() as u32);
-            rows.push([name, name_bytes, first, count, duration, period, 0, 0]);
-            self.dims.max_clip_tracks = self.dims.max_clip_tracks.max(clip.tracks.len());
-            for track in &clip.tracks {
-                let what = || format!("a key of clip {:?}", clip.name);
-                let keys = distinct_times(&track.times, what)?;
-                let bits = keys.iter().map(|&key| (track.times[key] as f32).to_bits());
-                let bits: Vec<u32> = bits.collect();
-                let first_time = *shared.entry(bits).or_insert_with_key(|bits| {
-                    times.extend(bits.iter().map(|&bits| f32::from_bits(bits)));
-                    times.len() - bits.len()
-                });
-                tracks.push([
-                    track_code(track.joint, track.channel, track.interpolation),
-                    first_time as u32,
-                    keys.len() as u32,
-                    values.len() as u32,
-                ]);
-                let (width, group) = widths(track.channel, track.interpolation);
-                for &key in &keys {
-                    for value in &track.values[key * group..][..group] {
-                        for &number in &value[..width] {
-                            values.push(fits(number, what)?);
-                        }
-                    }
-                }
-                self.dims.max_track_keys = self.dims.max_track_keys.max(keys.len());
-            }
-        }
-        self.dims.clip_count = rows.len();
-        self.dims.track_count = tracks.len();
-        self.dims.key_time_count = times.len();
-        self.dims.key_value_count = limit("key values", values.len(), u32::MAX as usize / 4)?;
-        self.put(SectionKind::Clips, rows.as_flattened());
-        self.put(SectionKind::Tracks, tracks.as_flattened());
-        self.put(SectionKind::KeyTimes, &times);
-        self.put(SectionKind::KeyValues, &values);
-        Ok(())
-    }
-
     fn finish(mut self) -> Result<Vec<u8>, BakeError> {
         self.dims.name_bytes = self.names.len();
         let names = std::mem::take(&mut self.names);
@@ -267,44 +222,6 @@ fn lanes<'b>(
         }
     }
     Ok(numbers)
-}
-
-/// Keys whose times stay apart when rounded to `f32`; of those that fall together the last.
-fn distinct_times(times: &[f64], what: impl Fn() -> String) -> Result<Vec<usize>, BakeError> {
-    let mut keys: Vec<usize> = Vec::with_capacity(times.len());
-    for (key, &time) in times.iter().enumerate() {
-        let time = fits(time, &what)?;
-        match keys.last_mut() {
-            Some(before) if times[*before] as f32 >= time => *before = key,
-            _ => keys.push(key),
-        }
-    }
-    Ok(keys)
-}
-
-fn track_code(joint: usize, channel: Channel, interpolation: Interpolation) -> u32 {
-    let channel = match channel {
-        Channel::Translation => 0,
-        Channel::Rotation => 1,
-        Channel::Scale => 2,
-    };
-    let interpolation = match interpolation {
-        Interpolation::Step => 0,
-        Interpolation::Linear => 1,
-        Interpolation::CubicSpline => 2,
-    };
-    joint as u32 | channel << 16 | interpolation << 24
-}
-
-/// Numbers in a value, values in a key.
-fn widths(channel: Channel, interpolation: Interpolation) -> (usize, usize) {
-    let width = if channel == Channel::Rotation { 4 } else { 3 };
-    let group = if interpolation == Interpolation::CubicSpline {
-        3
-    } else {
-        1
-    };
-    (width, group)
 }
 
 /// Rows of a 3 x 4 matrix.

@@ -49,7 +49,7 @@ pub fn dual_quaternion(mesh: &Mesh, skin: &Skin, motions: &[Motion]) -> (Vec<DVe
             let t = motion.translation;
             let half = (DQuat::from_xyzw(t.x, t.y, t.z, 0.0) * q) * 0.5;
             let signed = if real.dot(q) < 0.0 { -weight } else { weight };
-            real = real + q * signed;
+            real += q * signed;
             for (sum, value) in dual.iter_mut().zip(half.to_array()) {
                 *sum += signed * value;
             }
@@ -83,7 +83,7 @@ pub fn about_centres(
             let motion = &motions[bind as usize];
             let q = motion.rotation;
             let signed = if real.dot(q) < 0.0 { -weight } else { weight };
-            real = real + q * signed;
+            real += q * signed;
             stretch += motion.stretch * weight;
             moved += weight * motion.matrix.transform_point3(centres[vertex]);
         }

@@ -4,6 +4,7 @@
 
 pub mod dual;
 pub mod laplacian;
+pub mod morph;
 pub mod pose;
 pub mod skin;
 mod unpack;

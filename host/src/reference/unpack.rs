@@ -4,20 +4,20 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use sinew_core::asset::{self, Asset, LANES, WEIGHT_ONE};
 
 use crate::model::{
-    Avatar, Bind, Channel, Clip, Interpolation, Joint, Mesh, Part, Skeleton, Skin, Track, Transform,
+    Avatar, Bind, Channel, Clip, Interpolation, Joint, Mesh, Morph, MorphTrack, Part, Skeleton,
+    Skin, Track, Transform,
 };
 
 /// The body in the source's vertex order. O(asset)
 #[must_use]
 pub fn unpack(asset: &Asset<'_>) -> Avatar {
+    let mesh = mesh(asset);
+    let clips = (0..asset.dims().clip_count).filter_map(|index| asset.clip(index));
     Avatar {
-        mesh: mesh(asset),
+        clips: clips.map(|clip| unpack_clip(&clip, &mesh.morphs)).collect(),
+        mesh,
         skeleton: skeleton(asset),
         skin: skin(asset),
-        clips: (0..asset.dims().clip_count)
-            .filter_map(|index| asset.clip(index))
-            .map(|clip| unpack_clip(&clip))
-            .collect(),
     }
 }
 
@@ -86,8 +86,43 @@ fn mesh(asset: &Asset<'_>) -> Mesh {
                 triangles: part.first_triangle..part.first_triangle + part.triangle_count,
             })
             .collect(),
-        morphs: Vec::new(),
+        morphs: morphs(asset),
     }
+}
+
+fn morphs(asset: &Asset<'_>) -> Vec<Morph> {
+    let order = asset.source_order();
+    let has_normals = asset.dims().morph_normal_count > 0;
+    let still = vec![DVec3::ZERO; order.len()];
+    let morph = |index: usize| {
+        let morph = asset.morph(index)?;
+        Some(Morph {
+            name: morph.name.to_owned(),
+            positions: still.clone(),
+            normals: if has_normals {
+                still.clone()
+            } else {
+                Vec::new()
+            },
+            rest_weight: morph.rest_weight.into(),
+        })
+    };
+    let mut morphs: Vec<Morph> = (0..asset.dims().morph_count).filter_map(morph).collect();
+    for (block, vertices) in order.chunks(LANES).enumerate() {
+        for row in asset.morph_rows(block) {
+            let to = &mut morphs[row.morph];
+            for (lane, &source) in vertices.iter().enumerate() {
+                let of = |[x, y, z]: &asset::Lanes3| {
+                    DVec3::from_array([x[lane], y[lane], z[lane]].map(f64::from))
+                };
+                to.positions[source as usize] = of(row.offsets);
+                if let Some(normals) = row.normals {
+                    to.normals[source as usize] = of(normals);
+                }
+            }
+        }
+    }
+    morphs
 }
 
 fn skin(asset: &Asset<'_>) -> Skin {
@@ -120,8 +155,8 @@ fn skin(asset: &Asset<'_>) -> Skin {
     }
 }
 
-fn unpack_clip(clip: &asset::Clip<'_>) -> Clip {
-    let tracks = clip.tracks().map(|track| {
+fn unpack_clip(clip: &asset::Clip<'_>, morphs: &[Morph]) -> Clip {
+    let tracks = clip.tracks().filter_map(|track| {
         let width = track.channel.width();
         let value = |numbers: &[f32]| {
             let mut value = [0.0; 4];
@@ -130,27 +165,56 @@ fn unpack_clip(clip: &asset::Clip<'_>) -> Clip {
             }
             value
         };
-        Track {
-            joint: track.joint,
+        Some(Track {
+            joint: track.target,
             channel: match track.channel {
                 asset::Channel::Translation => Channel::Translation,
                 asset::Channel::Rotation => Channel::Rotation,
                 asset::Channel::Scale => Channel::Scale,
+                asset::Channel::MorphWeight => return None,
             },
-            interpolation: match track.interpolation {
-                asset::Interpolation::Step => Interpolation::Step,
-                asset::Interpolation::Linear => Interpolation::Linear,
-                asset::Interpolation::CubicSpline => Interpolation::CubicSpline,
-            },
+            interpolation: interpolation(track.interpolation),
             times: track.times.iter().map(|&time| time.into()).collect(),
             values: track.values.chunks_exact(width).map(value).collect(),
-        }
+        })
     });
     Clip {
         name: clip.name.to_owned(),
         tracks: tracks.collect(),
-        morph_track: None,
+        morph_track: morph_track(clip, morphs),
         duration: clip.duration.into(),
         sample_period: (clip.sample_period > 0.0).then(|| clip.sample_period.into()),
     }
+}
+
+fn interpolation(of: asset::Interpolation) -> Interpolation {
+    match of {
+        asset::Interpolation::Step => Interpolation::Step,
+        asset::Interpolation::Linear => Interpolation::Linear,
+        asset::Interpolation::CubicSpline => Interpolation::CubicSpline,
+    }
+}
+
+/// The bake cuts one track of all weights into one for each; those that rest are left out.
+fn morph_track(clip: &asset::Clip<'_>, morphs: &[Morph]) -> Option<MorphTrack> {
+    let is_weight = |track: &asset::Track<'_>| track.channel == asset::Channel::MorphWeight;
+    let first = clip.tracks().find(is_weight)?;
+    let group = first.interpolation.values_a_key();
+    let mut values = Vec::with_capacity(first.times.len() * group * morphs.len());
+    for number in 0..first.times.len() * group {
+        // Of a spline's in-tangent, value and out-tangent only the value rests elsewhere than 0.
+        let is_value = group == 1 || number % 3 == 1;
+        let rest = |morph: &Morph| if is_value { morph.rest_weight } else { 0.0 };
+        values.extend(morphs.iter().map(rest));
+    }
+    for track in clip.tracks().filter(is_weight) {
+        for (key, &number) in track.values.iter().enumerate() {
+            values[key * morphs.len() + track.target] = number.into();
+        }
+    }
+    Some(MorphTrack {
+        interpolation: interpolation(first.interpolation),
+        times: first.times.iter().map(|&time| time.into()).collect(),
+        values,
+    })
 }
