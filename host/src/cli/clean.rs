@@ -6,9 +6,9 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::Failure;
-use super::load::fault;
+use super::load::{Reading, fault};
 use super::say::{Say, notices_json};
+use super::{Failure, load};
 use crate::clean::fill::{FillMethod, FillOptions, Filled, fill};
 use crate::clean::merge::{MergeOptions, Merged, merge};
 use crate::clean::smooth::{SmoothOptions, pass_count, smooth};
@@ -16,7 +16,6 @@ use crate::clean::{Spike, despike};
 use crate::export::c3d::write_c3d;
 use crate::export::png::write_png;
 use crate::export::{ExportErrorKind, write_atomic};
-use crate::import::take::{LengthUnit, TakeOptions, UpAxis, read_take};
 use crate::take::Take;
 
 mod report;
@@ -57,12 +56,8 @@ pub(crate) struct Clean {
     /// default the one that shows most.
     #[arg(long, value_name = "FRAME")]
     reference_frame: Option<usize>,
-    /// The capture's unit of length, over what its file says.
-    #[arg(long, value_enum)]
-    unit: Option<Unit>,
-    /// The capture's axis that points up, over what its file says.
-    #[arg(long, value_enum)]
-    up: Option<super::bake::Up>,
+    #[command(flatten)]
+    reading: Reading,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -88,13 +83,6 @@ impl Method {
     }
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum Unit {
-    Mm,
-    Cm,
-    M,
-}
-
 /// What one run did.
 struct Outcome {
     before: Take,
@@ -115,22 +103,8 @@ impl Clean {
         if self.limit.is_nan() || self.limit <= 0.0 {
             return Err(Failure::Usage("--limit must be above 0 metres".into()));
         }
-        let options = TakeOptions {
-            unit: self.unit.map(|unit| match unit {
-                Unit::Mm => LengthUnit::Millimetre,
-                Unit::Cm => LengthUnit::Centimetre,
-                Unit::M => LengthUnit::Metre,
-            }),
-            up: self.up.map(|up| match up {
-                super::bake::Up::Y => UpAxis::PlusY,
-                super::bake::Up::Z => UpAxis::PlusZ,
-            }),
-            rate: None,
-        };
-        let raw = read_take(&self.take, &options)?;
+        let (take, notices) = load::take(&self.take, self.reading)?;
         let name = self.take.display().to_string();
-        let (take, notices) = Take::from_raw(&raw).map_err(|error| fault(&self.take, &error))?;
-        say.notices(&name, &raw.notices);
         say.notices(&name, &notices);
         if take.marker_count() == 0 || take.frame_count() == 0 {
             let text = format!("{name}: there are no marker samples in it; nothing to clean");
@@ -151,7 +125,7 @@ impl Clean {
         let mut object = outcome.to_json();
         object["take"] = json!(name);
         object["output"] = json!(self.output.display().to_string());
-        object["notices"] = notices_json(&[raw.notices, notices].concat());
+        object["notices"] = notices_json(&notices);
         if let Some(path) = &self.plot {
             let image = outcome.timeline().render(1200, 900);
             write_png(path, &image)?;
