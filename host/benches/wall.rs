@@ -208,7 +208,7 @@ impl PlainRig {
         let tracks = asset.clip(0).expect("a clip").tracks().map(|track| {
             let width = track.channel.width();
             PlainTrack {
-                joint: track.joint,
+                joint: track.target,
                 channel: track.channel,
                 times: track.times.to_vec(),
                 values: track
@@ -250,6 +250,7 @@ impl PlainRig {
                 Channel::Rotation => local.0 = Quat::from_array(a).slerp(Quat::from_array(b), t),
                 Channel::Translation => local.1 = blend(),
                 Channel::Scale => local.2 = blend(),
+                Channel::MorphWeight => {}
             }
         }
         for (joint, &(rotation, translation, scale)) in self.local.iter().enumerate() {
