@@ -1,8 +1,8 @@
 //! Missing samples, estimated from neighbours and from the marker's own past and future.
 //!
 //! Enters: a [`Take`] with gaps. Leaves: the take without them, and the standard deviation of each
-//! filled sample. The default learns a local regression ([`regression`]) and weighs it against
-//! inertia ([`smoother`]) by how both err; the published principal components and plain
+//! filled sample. The default learns a local regression (`regression`) and weighs it against
+//! inertia (`smoother`) by how both err; the published principal components and plain
 //! interpolation stand beside it for comparison. Park & Hodgins 2006, section 4.3.
 
 use std::ops::Range;
