@@ -2,7 +2,7 @@
 //!
 //! Enters: a take whose columns break at every occlusion. Leaves: one trajectory a marker, and the
 //! evidence for each merge. A marker that is out of sight is carried along by the absolute
-//! orientation of its neighbours ([`carry`]); a fragment that follows the carried position all its
+//! orientation of its neighbours (`carry`); a fragment that follows the carried position all its
 //! life belongs to it. The surest merges come first, and each helps the next.
 
 use crate::import::take::PointKind;

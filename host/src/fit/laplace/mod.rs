@@ -1,7 +1,7 @@
 //! Surfaces driven by a handful of markers, without a skeleton (de Aguiar et al. 2007).
 //!
 //! In: a triangle mesh and the vertices that carry markers. [`Surface`] factors the systems;
-//! [`Surface::exact`] gives the core's tables for solving them each frame, [`collapse`] those for
+//! [`Surface::exact`] gives the core's tables for solving them each frame, [`collapse()`] those for
 //! streaming instead. [`rotations`] finds how markers turn, [`suggest`](mod@suggest) where to put
 //! them, and [`repair`](mod@repair) makes a scan fit for all this.
 
