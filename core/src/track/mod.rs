@@ -1,0 +1,3 @@
+//! Labelled, complete trajectories from what a capture system measures.
+
+pub mod rope;
