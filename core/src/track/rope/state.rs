@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::points::NONE;
-use super::row::{Row, dot, length};
-use crate::math::inverse_sqrt;
 use super::trial::Trials;
+use super::vector::{dot, length};
+use crate::math::inverse_sqrt;
+use crate::row::Row;
 
 /// Memories below are in seconds and become shares a frame through [`Pace`].
 #[derive(Clone, Copy, Debug)]
@@ -189,8 +190,6 @@ impl<const TRACES: usize> Track<TRACES> {
     }
 
     /// Ends a frame: filters, statistics, ages.
-    ///
-    /// `position_of` gives the measured position of a point.
     pub(super) fn close(&mut self) {
         let [on_position, on_velocity, on_acceleration] = self.pace.gains;
         for i in 0..self.measures.count {
