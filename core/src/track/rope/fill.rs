@@ -135,7 +135,7 @@ pub(super) fn fill<const T: usize>(
     } else {
         // Nothing is measured: every marker keeps its own motion.
         for i in run.begin..run.end {
-            pose.now.edit(i, |p| *p = *p + pose.velocity.at(i));
+            pose.now.edit(i, |p| *p += pose.velocity.at(i));
         }
     }
     restore_lengths(measures, pose, run);
@@ -211,8 +211,8 @@ fn restore_lengths<const T: usize>(measures: &Measures<T>, pose: &mut Pose<T>, r
             let spread = measures.spread.at(left).max(LEAST_SPREAD * LEAST_SPREAD);
             let off = now - measures.length.at(left);
             let pull = link * (off / ((give_left + give_right + spread) * now.max(1e-6)));
-            pose.now.edit(left, |p| *p = *p + pull * give_left);
-            pose.now.edit(right, |p| *p = *p - pull * give_right);
+            pose.now.edit(left, |p| *p += pull * give_left);
+            pose.now.edit(right, |p| *p -= pull * give_right);
         }
     }
 }

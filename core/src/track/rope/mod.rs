@@ -134,6 +134,8 @@ pub struct RopeTracker<const TRACES: usize, const POINTS: usize> {
 }
 
 #[derive(Clone, Debug)]
+// No heap: the larger variant is there in any case.
+#[allow(clippy::large_enum_variant)]
 enum Stage<const TRACES: usize, const POINTS: usize> {
     Starting(Start<POINTS>),
     Tracking(Track<TRACES>),

@@ -108,7 +108,7 @@ impl<const POINTS: usize> Others<POINTS> {
                 other.position = position;
                 other.hidden = 0;
             } else {
-                other.position = other.position + other.velocity;
+                other.position += other.velocity;
                 other.hidden += 1;
             }
             other.hidden <= memory

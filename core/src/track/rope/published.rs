@@ -19,7 +19,7 @@ pub(super) fn step<const TRACES: usize, const POINTS: usize>(
     track: &mut Track<TRACES>,
     points: &mut Points<POINTS>,
 ) {
-    let steady = track.pose.known.clone();
+    let steady = track.pose.known;
     track.open();
     let count = track.measures.count;
     // Eq. 3.1 and 3.2: the marker's own last velocity, for traces without a gap.

@@ -58,7 +58,7 @@ impl<const POINTS: usize> Start<POINTS> {
             if let Some(point) = points.nearest(expected, config.gamma) {
                 points.claim(point);
                 position = points.at(usize::from(point));
-                self.sum.edit(trace, |sum| *sum = *sum + position);
+                self.sum.edit(trace, |sum| *sum += position);
                 self.seen.edit(trace, |seen| *seen += 1);
             }
             self.velocity.set(trace, position - self.last.at(trace));
