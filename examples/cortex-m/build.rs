@@ -6,9 +6,14 @@ use std::{env, fs};
 
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    println!("cargo:rustc-link-search={}", root.display());
+    // The memory map of the board.
+    let board = match env::var("TARGET").unwrap_or_default().starts_with("thumbv8m") {
+        true => Path::new(env!("CARGO_MANIFEST_DIR")).join("an505"),
+        false => root.clone(),
+    };
+    println!("cargo:rustc-link-search={}", board.display());
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
-    println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
+    println!("cargo:rerun-if-changed={}", board.join("memory.x").display());
 
     println!("cargo:rerun-if-env-changed=SINEW_ASSET");
     let asset = match env::var_os("SINEW_ASSET") {
