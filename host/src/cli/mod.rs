@@ -10,7 +10,9 @@ mod demo;
 mod inspect;
 mod load;
 mod play;
+mod register;
 mod say;
+mod segment;
 mod studio;
 mod verify;
 
@@ -48,6 +50,8 @@ enum Command {
     Inspect(inspect::Inspect),
     Bake(bake::Bake),
     Clean(clean::Clean),
+    Register(register::Register),
+    Segment(segment::Segment),
     Play(play::Play),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
@@ -79,6 +83,8 @@ pub fn run() -> ExitCode {
         Command::Inspect(command) => command.run(&say),
         Command::Bake(command) => command.run(&say),
         Command::Clean(command) => command.run(&say),
+        Command::Register(command) => command.run(&say),
+        Command::Segment(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),

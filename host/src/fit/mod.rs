@@ -9,8 +9,11 @@ mod error;
 pub mod floor;
 pub mod humanoid;
 pub mod laplace;
+
 mod names;
+pub mod register;
 pub mod retarget;
+pub mod segment;
 
 pub use correspond::{Correspondence, Drive};
 pub use error::{FitError, Which};
