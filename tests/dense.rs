@@ -251,3 +251,52 @@ pub fn measured(
         .map(|at| *at + DVec3::new(normal(), normal(), normal()) * sigma)
         .collect()
 }
+
+/// Local transforms of a take in which one joint after another goes through its range, `frames` of
+/// them.
+///
+/// # Panics
+/// Unless the body is human.
+#[must_use]
+pub fn range_of_motion(avatar: &Avatar, frames: usize) -> Vec<Vec<Transform>> {
+    let human = Humanoid::new(&avatar.skeleton, Which::Target).expect("human");
+    // (joint, largest turns about x, y and z in degrees)
+    let mut moves: Vec<(usize, [f64; 3])> = Vec::new();
+    for (side, sign) in [(Side::Left, 1.0), (Side::Right, -1.0)] {
+        let mut limb = |part, turn: [f64; 3]| {
+            let joint = human.limb(side, part).expect("limbs");
+            moves.push((joint, [turn[0], sign * turn[1], sign * turn[2]]));
+        };
+        limb(Part::UpperArm, [60.0, 30.0, 45.0]);
+        limb(Part::LowerArm, [-80.0, 0.0, 0.0]);
+        limb(Part::Hand, [20.0, 0.0, 50.0]);
+        limb(Part::UpperLeg, [-60.0, 10.0, 25.0]);
+        limb(Part::LowerLeg, [80.0, 0.0, 0.0]);
+        limb(Part::Foot, [30.0, 10.0, 0.0]);
+    }
+    let middle = |list: &[usize]| list.last().copied().unwrap_or(human.hips);
+    moves.push((
+        human.spine.first().copied().unwrap_or(human.hips),
+        [35.0, 25.0, 20.0],
+    ));
+    moves.push((middle(&human.spine), [15.0, 25.0, 10.0]));
+    moves.push((middle(&human.neck), [30.0, 45.0, 20.0]));
+    (0..frames)
+        .map(|frame| {
+            let mut local = avatar.skeleton.rest();
+            for (at, (joint, turn)) in moves.iter().enumerate() {
+                let seconds = frame as f64 * (0.31 + 0.057 * at as f64);
+                let [x, y, z] = [0.0, 1.1, 2.3].map(|late| (seconds + late + at as f64).sin());
+                let by = DQuat::from_rotation_x((turn[0] * x).to_radians())
+                    * DQuat::from_rotation_y((turn[1] * y).to_radians())
+                    * DQuat::from_rotation_z((turn[2] * z).to_radians());
+                let above = avatar.skeleton.joints[*joint].parent;
+                let above = above.map_or(DQuat::IDENTITY, |above| {
+                    rotation(&avatar.skeleton, &local, above)
+                });
+                local[*joint].rotation = above.inverse() * by * above * local[*joint].rotation;
+            }
+            local
+        })
+        .collect()
+}

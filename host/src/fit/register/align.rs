@@ -360,7 +360,7 @@ mod tests {
             let best = &starts(None, &positions, &triangles, &markers)[0];
             for site in &sites {
                 let away = best.similarity.apply(*site).distance(truth.apply(*site));
-                assert!(away < 0.02, "{away} {:?}", best.similarity);
+                assert!(away < 0.03, "{away} {:?}", best.similarity);
             }
         }
     }

@@ -12,7 +12,7 @@ use crate::clean::linear::Cholesky;
 use crate::spatial::{Nearest, Tree};
 
 /// Steps at most.
-const STEPS: usize = 40;
+pub(super) const STEPS: usize = 40;
 /// Width of the robust weights, over the body's size: first and last.
 const WIDTH: [f64; 2] = [0.08, 0.012];
 /// Standard deviation of a distance over the body's size, against which turns and sizes are held.
@@ -37,61 +37,77 @@ pub(super) struct Posed {
     pub misfit: f64,
 }
 
-/// Bends and resizes a rig from a start. `tree` is over the mesh; it is refitted.
-/// O(steps (vertices + markers nodes^2))
-pub(super) fn articulate(
-    figure: &Figure,
-    rest: &[DVec3],
-    triangles: &[[u32; 3]],
-    tree: &mut Tree,
-    markers: &[DVec3],
-    start: &Start,
-    size: f64,
-    steps: Option<usize>,
-) -> Posed {
-    let mut stance = start.stance.clone().unwrap_or_else(|| figure.bound());
-    let similarity = &start.similarity;
-    stance.place = similarity.apply(stance.place);
-    stance.turns[0] = similarity.rotation * stance.turns[0];
-    stance.scale += similarity.scale.ln();
-    let steps = steps.unwrap_or(STEPS);
-    let mut placed = figure.place(&stance);
-    let mut positions = figure.pose(&placed, rest);
-    for step in 0..steps {
-        let through = step as f64 / (steps - 1).max(1) as f64;
-        let between = |[first, last]: [f64; 2]| first * (last / first).powf(through.min(1.0));
+/// A rig, and what it shall meet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fitting<'a> {
+    /// The rig.
+    pub figure: &'a Figure,
+    /// `[vertices]`: its mesh as it was bound.
+    pub rest: &'a [DVec3],
+    /// Of the mesh.
+    pub triangles: &'a [[u32; 3]],
+    /// `[markers]`, metres.
+    pub markers: &'a [DVec3],
+    /// The body's size, metres.
+    pub size: f64,
+}
+
+impl Fitting<'_> {
+    /// Bends and resizes the rig from a start. `tree` is over the mesh; it is refitted.
+    /// O(steps (vertices + markers nodes^2))
+    pub fn articulate(&self, tree: &mut Tree, start: &Start, steps: usize) -> Posed {
+        let Self {
+            figure,
+            rest,
+            triangles,
+            markers,
+            size,
+        } = *self;
+        let mut stance = start.stance.clone().unwrap_or_else(|| figure.bound());
+        let similarity = &start.similarity;
+        stance.place = similarity.apply(stance.place);
+        stance.turns[0] = similarity.rotation * stance.turns[0];
+        stance.scale += similarity.scale.ln();
+        let mut placed = figure.place(&stance);
+        let mut positions = figure.pose(&placed, rest);
+        for step in 0..steps {
+            let through = step as f64 / (steps - 1).max(1) as f64;
+            let between = |[first, last]: [f64; 2]| first * (last / first).powf(through.min(1.0));
+            tree.refit(&positions);
+            let width = between(WIDTH) * size;
+            let along = between(ALONG);
+            let mut system = System::new(figure);
+            for &marker in markers {
+                let Some(near) = tree.closest(marker, |_| true) else {
+                    continue;
+                };
+                let robust = (1.0 + (near.distance / width).powi(2)).powi(-2);
+                let normal = normal(&positions, triangles[near.triangle]);
+                let across =
+                    DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z);
+                let counts = across + (DMat3::IDENTITY - across) * along;
+                let motion =
+                    figure.motion(&placed, rest, triangles[near.triangle], near.barycentric);
+                system.add(&motion.columns(), near.position - marker, counts * robust);
+            }
+            system.hold(figure, &stance, &placed, DEVIATION * size);
+            let Some(change) = system.solve() else { break };
+            let length = change.iter().map(|c| c * c).sum::<f64>().sqrt();
+            stance.advance(figure, &placed, &change);
+            placed = figure.place(&stance);
+            positions = figure.pose(&placed, rest);
+            if through >= 1.0 && length < 1e-4 {
+                break;
+            }
+        }
         tree.refit(&positions);
-        let width = between(WIDTH) * size;
-        let along = between(ALONG);
-        let mut system = System::new(figure);
-        for &marker in markers {
-            let Some(near) = tree.closest(marker, |_| true) else {
-                continue;
-            };
-            let robust = (1.0 + (near.distance / width).powi(2)).powi(-2);
-            let normal = normal(&positions, triangles[near.triangle]);
-            let across = DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z);
-            let counts = across + (DMat3::IDENTITY - across) * along;
-            let motion = figure.motion(&placed, rest, triangles[near.triangle], near.barycentric);
-            system.add(&motion.columns(), near.position - marker, counts * robust);
+        let misfit = misfit(tree, markers, size * stance.scale.exp());
+        Posed {
+            stance,
+            placed,
+            positions,
+            misfit,
         }
-        system.hold(figure, &stance, &placed, DEVIATION * size);
-        let Some(change) = system.solve() else { break };
-        let length = change.iter().map(|c| c * c).sum::<f64>().sqrt();
-        stance.advance(figure, &placed, &change);
-        placed = figure.place(&stance);
-        positions = figure.pose(&placed, rest);
-        if through >= 1.0 && length < 1e-4 {
-            break;
-        }
-    }
-    tree.refit(&positions);
-    let misfit = misfit(tree, markers, size * stance.scale.exp());
-    Posed {
-        stance,
-        placed,
-        positions,
-        misfit,
     }
 }
 

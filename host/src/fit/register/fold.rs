@@ -52,7 +52,9 @@ mod tests {
     fn a_turned_fan_is_whole_and_a_corner_pushed_across_its_edge_is_not() {
         // A hexagon around vertex 0.
         let mut before = vec![DVec3::ZERO];
-        before.extend((0..6).map(|at| DQuat::from_rotation_z(f64::from(at) * 1.0472) * DVec3::X));
+        before.extend((0..6).map(|at| {
+            DQuat::from_rotation_z(f64::from(at) * std::f64::consts::FRAC_PI_3) * DVec3::X
+        }));
         let triangles: Vec<[u32; 3]> = (0..6).map(|at| [0, 1 + at, 1 + (at + 1) % 6]).collect();
         let turned: Vec<DVec3> = before
             .iter()

@@ -9,6 +9,7 @@
 //! | --- | --- |
 //! | [`align`] | turns, scales and places the whole mesh |
 //! | `articulate` | bends and resizes the rig's parts, if there is a rig |
+//! | `unfold` | takes out the folds that skinning makes |
 //! | [`landmarks`] | says which markers stay with one point at first |
 //! | `matching` | finds the nearest points of the others, again in every round |
 //! | `field` | an affine map for each vertex: smooth, and near the markers |
@@ -25,6 +26,7 @@ pub mod landmarks;
 pub mod marker_surface;
 mod matching;
 pub mod rig;
+mod unfold;
 
 use std::collections::BTreeSet;
 
@@ -35,12 +37,13 @@ use crate::model::{Avatar, Mesh, nearest_rotation};
 use crate::spatial::{Tree, weld};
 use crate::take::Take;
 use align::{Similarity, extent, starts};
-use articulate::{Posed, articulate, misfit};
+use articulate::{Fitting, Posed, STEPS, misfit};
 pub use error::RegisterError;
 use field::{Field, Pull};
 use figure::Figure;
 pub use landmarks::Landmark;
 use matching::{Match, Matcher};
+use unfold::unfold;
 
 /// Fewest markers that say how a body stands.
 const FEWEST_MARKERS: usize = 8;
@@ -257,8 +260,9 @@ fn check(
     let seen: Vec<usize> = (0..markers.len())
         .filter(|&at| markers[at].is_some())
         .collect();
+    let is_nowhere = |at: &DVec3| !at.is_finite() || at.abs().max_element() > 1e6;
     for &marker in &seen {
-        if let Some(position) = markers[marker].filter(|at| !(at.abs().max_element() < 1e6)) {
+        if let Some(position) = markers[marker].filter(is_nowhere) {
             return Err(RegisterError::BadMarker { marker, position });
         }
     }
@@ -322,28 +326,24 @@ fn pose(
             Ok((posed, None))
         };
     };
-    let mut bend = |start: &align::Start, steps| {
-        articulate(
-            figure,
-            rest,
-            triangles,
-            &mut tree,
-            markers,
-            start,
-            size * scale,
-            steps,
-        )
+    let fitting = Fitting {
+        figure,
+        rest,
+        triangles,
+        markers,
+        size: size * scale,
     };
+    let mut bend = |start: &align::Start, steps| fitting.articulate(&mut tree, start, steps);
     let mut short: Vec<(f64, &align::Start)> = found
         .iter()
         .take(CANDIDATES.0)
-        .map(|start| (bend(start, Some(12)).misfit, start))
+        .map(|start| (bend(start, 12).misfit, start))
         .collect();
     short.sort_by(|a, b| a.0.total_cmp(&b.0));
     let bent = short
         .iter()
         .take(CANDIDATES.1)
-        .map(|(_, start)| bend(start, None));
+        .map(|(_, start)| bend(start, STEPS));
     let best: Posed = bent
         .min_by(|a, b| a.misfit.total_cmp(&b.misfit))
         .ok_or(RegisterError::NoSurface)?;
@@ -382,12 +382,15 @@ impl<'a> Fit<'a> {
     ) -> Result<Self, RegisterError> {
         let size = extent(&posed);
         let (node_of, nodes) = nodes(&mesh.positions);
-        let rest: Vec<DVec3> = nodes.iter().map(|&vertex| posed[vertex]).collect();
+        let mut rest: Vec<DVec3> = nodes.iter().map(|&vertex| posed[vertex]).collect();
+        let bound: Vec<DVec3> = nodes.iter().map(|&at| mesh.positions[at]).collect();
         let triangles: Vec<[u32; 3]> = mesh
             .triangles
             .iter()
             .map(|t| t.map(|at| node_of[at as usize] as u32))
             .collect();
+        unfold(&bound, &mut rest, &triangles, size)?;
+        let unfolded: Vec<DVec3> = node_of.iter().map(|&node| rest[node]).collect();
         let graph = Graph::new(&rest, &triangles);
         let mut field = Field::new(rest, &triangles, SMOOTHNESS * size)?;
         field
@@ -395,7 +398,7 @@ impl<'a> Fit<'a> {
             .iter_mut()
             .for_each(|s| *s = options.stiffness);
         Ok(Self {
-            tree: Tree::new(&mesh.triangles, &posed),
+            tree: Tree::new(&mesh.triangles, &unfolded),
             matcher: Matcher::new(&mesh.triangles, figure, markers.len(), size),
             mesh,
             markers,

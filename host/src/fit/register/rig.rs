@@ -1,6 +1,6 @@
 //! A rig that follows its mesh into another shape.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 
 use super::Registration;
 use super::field::Field;
@@ -52,7 +52,7 @@ pub(super) fn joints(
                 .map_or(DVec3::ZERO, |above| shift[above])
         };
         let turn = placed.turns[figure.node_of[joint]];
-        let bound = nearest_rotation(&DMat3::from(figure.bind[joint].matrix3));
+        let bound = nearest_rotation(&figure.bind[joint].matrix3);
         let turn: DQuat = turn * bound;
         out.push(DAffine3::from_rotation_translation(
             turn.normalize(),

@@ -30,6 +30,8 @@ use rigidity::Piece;
 
 /// Fewest frames that show how parts move.
 const FEWEST_FRAMES: usize = 3;
+/// Groups are made smaller down to this part of the bandwidth.
+const FINEST: f64 = 0.1;
 /// A frame counts if this share of the points is seen.
 const SEEN: f64 = 0.7;
 
@@ -138,23 +140,46 @@ pub fn segment(
     let points = turns(&patches, triangles, rest, &frames);
     let points = reduce(&points);
     progress(2);
-    let clusters = mean_shift(&points, &patches.areas, options.bandwidth);
-    progress(3);
     let own = |list: &[u32]| piece(list, triangles, rest, &frames);
     let pieces: Vec<Piece> = patches.triangles.iter().map(|list| own(list)).collect();
     let low = rest.iter().fold(DVec3::INFINITY, |a, b| a.min(*b));
     let high = rest.iter().fold(DVec3::NEG_INFINITY, |a, b| a.max(*b));
-    let mut regions = Regions::new(&clusters, &pieces, &patches.areas, &patches.beside);
+    let apart = options.apart * (high - low).max_element();
     let mut report = SegmentReport {
         frames: frames.len(),
         patches: count,
-        clusters: clusters.iter().max().map_or(0, |most| *most as usize + 1),
-        regions: regions.count(),
-        scattered: regions.share_below(options.smallest),
         ..SegmentReport::default()
     };
-    regions.absorb(options.smallest);
-    regions.join(options.parts, options.apart * (high - low).max_element());
+    let mut clusters = mean_shift(&points, &patches.areas, options.bandwidth);
+    let mut bandwidth = options.bandwidth;
+    let mut regions = loop {
+        let mut regions = Regions::new(&clusters, &pieces, &patches.areas, &patches.beside);
+        report.clusters = clusters.iter().max().map_or(0, |most| *most as usize + 1);
+        report.regions = regions.count();
+        report.scattered = regions.share_below(options.smallest);
+        let loose = regions.loose(options.smallest, apart);
+        regions.absorb(options.smallest);
+        bandwidth /= 2.0;
+        let enough = options.parts.is_none_or(|wanted| regions.count() >= wanted);
+        if (enough && loose.is_empty()) || bandwidth < FINEST * options.bandwidth {
+            break regions;
+        }
+        let whole = (0..count).collect();
+        // Limbs that bend evenly turn into each other without a gap: such groups are cut finer.
+        for region in if enough { loose } else { vec![whole] } {
+            let own: Vec<Vec<f64>> = region
+                .iter()
+                .map(|&at: &usize| points[at].clone())
+                .collect();
+            let areas: Vec<f64> = region.iter().map(|&at| patches.areas[at]).collect();
+            let first = clusters.iter().max().map_or(0, |most| most + 1);
+            for (at, cluster) in region.iter().zip(mean_shift(&own, &areas, bandwidth)) {
+                clusters[*at] = first + cluster;
+            }
+        }
+    };
+    progress(3);
+    regions.join(options.parts, apart);
     regions.settle();
     progress(4);
     let of_patch = regions.labels();

@@ -6,6 +6,10 @@ use super::rigidity::Piece;
 const ROUNDS: usize = 12;
 /// What a side of a border costs, over what the mean piece deviates: keeps borders short.
 const BORDER: f64 = 0.5;
+/// A small region is a part if it leaves less than this part of what joining it would add.
+const RIGID: f64 = 0.25;
+/// Regions are cut finer while one deviates from a rigid motion by this many times what is asked.
+const LOOSE: f64 = 3.0;
 
 /// Regions of patches, while they change.
 pub(super) struct Regions<'a> {
@@ -43,12 +47,8 @@ impl<'a> Regions<'a> {
 
     fn sum(&mut self) {
         let count = self.label.iter().max().map_or(0, |most| most + 1);
-        let nothing = || {
-            let mut piece = self.pieces[0].clone();
-            piece.remove(&self.pieces[0]);
-            piece
-        };
-        self.sums = (0..count).map(|_| nothing()).collect();
+        let frame_count = self.pieces.first().map_or(0, Piece::frame_count);
+        self.sums = vec![Piece::empty(frame_count); count];
         self.sizes = vec![0.0; count];
         for (patch, &label) in self.label.iter().enumerate() {
             self.sums[label].add(&self.pieces[patch]);
@@ -108,7 +108,7 @@ impl<'a> Regions<'a> {
     fn unite(&mut self, into: usize, from: usize) {
         let sum = self.sums[from].clone();
         self.sums[into].add(&sum);
-        self.sums[from].remove(&sum);
+        self.sums[from] = Piece::empty(sum.frame_count());
         self.sizes[into] += std::mem::take(&mut self.sizes[from]);
         self.lefts[into] = self.sums[into].left();
         self.lefts[from] = 0.0;
@@ -120,14 +120,18 @@ impl<'a> Regions<'a> {
     }
 
     /// Gives regions below a share of the surface, the smallest first, to the neighbour with which
-    /// they move best. Whole components stay.
+    /// they move best; and those up to five times as large that are no more rigid by themselves
+    /// than with it, such as the skin over a joint. Whole components stay.
     pub fn absorb(&mut self, share: f64) {
         let total: f64 = self.areas.iter().sum();
+        let mut sound = vec![false; self.sizes.len()];
         loop {
             let pairs = self.pairs();
             let touches = |at: usize| pairs.iter().any(|&(a, b)| a == at || b == at);
             let small = (0..self.sizes.len()).filter(|&at| {
-                self.sizes[at] > 0.0 && self.sizes[at] < share * total && touches(at)
+                let size = self.sizes[at];
+                let limit = if sound[at] { share } else { 5.0 * share };
+                size > 0.0 && size < limit * total && touches(at)
             });
             let Some(small) = small.min_by(|&a, &b| self.sizes[a].total_cmp(&self.sizes[b])) else {
                 return;
@@ -138,11 +142,31 @@ impl<'a> Regions<'a> {
                 _ => None,
             });
             let losses = others.map(|other| (self.loss(small, other), other));
-            let Some((_, into)) = losses.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            let Some((loss, into)) = losses.min_by(|a, b| a.0.total_cmp(&b.0)) else {
                 return;
             };
+            if self.sizes[small] >= share * total && self.lefts[small] < RIGID * loss {
+                sound[small] = true;
+                continue;
+            }
             self.unite(into, small);
+            sound[into] = false;
         }
+    }
+
+    /// The patches of each region that is large enough to be a part and far from rigid.
+    pub fn loose(&self, share: f64, apart: f64) -> Vec<Vec<usize>> {
+        let total: f64 = self.areas.iter().sum();
+        let is = |&region: &usize| {
+            let (left, size) = (self.lefts[region], self.sizes[region]);
+            size >= share * total && left > (LOOSE * apart).powi(2) * size
+        };
+        let patches = |region: usize| {
+            (0..self.label.len())
+                .filter(|&at| self.label[at] == region)
+                .collect()
+        };
+        (0..self.sizes.len()).filter(is).map(patches).collect()
     }
 
     /// Joins the two neighbours that lose least by it, until there are `wanted`, or until joining
@@ -158,16 +182,7 @@ impl<'a> Regions<'a> {
                     known.push(((a, b), moved.sqrt()));
                 }
             }
-            // Where a number is wanted, what counts is what all lose; else what the smaller does.
-            let weigh = |&((a, b), moved): &((usize, usize), f64)| {
-                let smaller = self.sizes[a].min(self.sizes[b]);
-                moved * smaller.sqrt().sqrt()
-            };
-            let best = if wanted.is_some() {
-                known.iter().min_by(|a, b| weigh(a).total_cmp(&weigh(b)))
-            } else {
-                known.iter().min_by(|a, b| a.1.total_cmp(&b.1))
-            };
+            let best = known.iter().min_by(|a, b| a.1.total_cmp(&b.1));
             let Some(&((a, b), moved)) = best else { return };
             if wanted.is_none() && moved > apart {
                 return;
