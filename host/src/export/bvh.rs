@@ -107,7 +107,11 @@ pub fn write_bvh(
     let scaled = |scale: DVec3| (scale - DVec3::ONE).abs().max_element() > 1e-6;
     if let Some(joint) = joints.iter().find(|joint| scaled(joint.rest.scale)) {
         let what = format!("scale of joint {:?}", joint.name);
-        return Err(out_of_range(&what, joint.rest.scale.x, "1: BVH knows no scale"));
+        return Err(out_of_range(
+            &what,
+            joint.rest.scale.x,
+            "1: BVH knows no scale",
+        ));
     }
     let writer = Writer::new(motion, style);
     writer.hierarchy(out)?;

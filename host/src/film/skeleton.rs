@@ -68,9 +68,8 @@ fn picture(motion: &Motion, take: Option<&Take>, seconds: f64, size: usize) -> I
     let markers: Vec<[f32; 3]> = take.map_or(Vec::new(), |take| {
         let last = take.frame_count().saturating_sub(1);
         let frame = ((seconds * take.rate()).round() as usize).min(last);
-        let near = |at: &DVec3| {
-            at.cmpge(bounds.min - 0.5).all() && at.cmple(bounds.max + 0.5).all()
-        };
+        let near =
+            |at: &DVec3| at.cmpge(bounds.min - 0.5).all() && at.cmple(bounds.max + 0.5).all();
         let seen = take.seen(frame).map(|(_, at)| at).filter(near);
         seen.map(narrow).collect()
     });
@@ -98,7 +97,11 @@ fn picture(motion: &Motion, take: Option<&Take>, seconds: f64, size: usize) -> I
 
 /// The way the root's +Z looks, radians about the vertical.
 fn facing(motion: &Motion, model: &[glam::DAffine3]) -> f64 {
-    let root = motion.skeleton.joints.iter().position(|joint| joint.parent.is_none());
+    let root = motion
+        .skeleton
+        .joints
+        .iter()
+        .position(|joint| joint.parent.is_none());
     let ahead = root.map_or(DVec3::Z, |root| model[root].transform_vector3(DVec3::Z));
     ahead.x.atan2(ahead.z)
 }

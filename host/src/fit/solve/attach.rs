@@ -20,7 +20,10 @@ pub fn attach(body: &mut Body, take: &Take, frames: &[(usize, Placed)]) -> Vec<u
     let mut left = Vec::new();
     let seen = body.seen();
     for column in 0..take.marker_count() {
-        let own = body.markers.iter().position(|marker| marker.column == column);
+        let own = body
+            .markers
+            .iter()
+            .position(|marker| marker.column == column);
         let points: Vec<(&Placed, DVec3)> = frames
             .iter()
             .filter_map(|(frame, placed)| Some((placed, take.position(column, *frame)?)))

@@ -180,11 +180,14 @@ impl System {
             expectations(body, layout, &frame.pose, None, Some(&mut pose));
             blocks.push((pose, between));
         }
-        own.gradient.iter().all(|slope| slope.is_finite()).then_some(Self {
-            unknowns,
-            body: own,
-            frames: blocks,
-        })
+        own.gradient
+            .iter()
+            .all(|slope| slope.is_finite())
+            .then_some(Self {
+                unknowns,
+                body: own,
+                frames: blocks,
+            })
     }
 
     /// Body and frames after one damped step.

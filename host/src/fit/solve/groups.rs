@@ -105,9 +105,12 @@ fn cluster(take: &Take, frames: &[usize]) -> Vec<Vec<usize>> {
     let mut groups: Vec<Option<Vec<usize>>> = (0..count).map(|column| Some(vec![column])).collect();
     loop {
         let alive: Vec<usize> = (0..count).filter(|&at| groups[at].is_some()).collect();
-        let pairs = alive
-            .iter()
-            .flat_map(|&a| alive.iter().take_while(move |&&b| b < a).map(move |&b| (a, b)));
+        let pairs = alive.iter().flat_map(|&a| {
+            alive
+                .iter()
+                .take_while(move |&&b| b < a)
+                .map(move |&b| (a, b))
+        });
         let best = pairs.min_by(|x, y| {
             let of = |&(a, b): &(usize, usize)| apart[a * count + b];
             of(x).total_cmp(&of(y))
@@ -170,8 +173,7 @@ impl Group {
                 Some(motion.inverse().apply(take.position(column, frame)?))
             };
             let all: Vec<DVec3> = frames.iter().filter_map(back).collect();
-            at[index] =
-                (!all.is_empty()).then(|| all.iter().sum::<DVec3>() / all.len() as f64);
+            at[index] = (!all.is_empty()).then(|| all.iter().sum::<DVec3>() / all.len() as f64);
         }
         let motion = frames.iter().map(|&frame| motion_of(&at, frame)).collect();
         let known = columns.iter().zip(&at);
@@ -188,7 +190,10 @@ impl Group {
     /// The point that both groups carry alike, in the reference frame, and how well they do,
     /// metres.
     fn pivot(&self, other: &Self) -> (DVec3, f64) {
-        let pairs = self.at.iter().flat_map(|a| other.at.iter().map(move |b| (*a, *b)));
+        let pairs = self
+            .at
+            .iter()
+            .flat_map(|a| other.at.iter().map(move |b| (*a, *b)));
         let nearest = pairs.min_by(|x, y| x.0.distance(x.1).total_cmp(&y.0.distance(y.1)));
         let (a, b) = nearest.unwrap_or_default();
         let middle = (a + b) / 2.0;

@@ -131,19 +131,19 @@ pub fn solve(
         calibrate(&mut body, &mut frames, weighing, STEPS);
         if round + 1 < ROUNDS {
             let placed = |frame: &Frame| body.place(&frame.pose);
-            let placed: Vec<(usize, Placed)> = numbers
-                .into_iter()
-                .zip(frames.iter().map(placed))
-                .collect();
+            let placed: Vec<(usize, Placed)> =
+                numbers.into_iter().zip(frames.iter().map(placed)).collect();
             ignored = attach::attach(&mut body, take, &placed);
         }
         (progress.done)(1);
     }
     let filled = fill_gaps(take, options, progress);
     (progress.stage)("solve", take.frame_count());
-    let (poses, held) = track::track(&body, take, filled.as_ref(), progress.done)
-        .ok_or_else(|| SolveError::NoStart {
-            needed: root_labels(&body, take),
+    let (poses, held) =
+        track::track(&body, take, filled.as_ref(), progress.done).ok_or_else(|| {
+            SolveError::NoStart {
+                needed: root_labels(&body, take),
+            }
         })?;
     Ok(result::report(
         take, name, &body, &poses, by_labels, held, &ignored,

@@ -69,8 +69,7 @@ pub fn start(body: &Body, samples: &[Sample]) -> Option<Pose> {
             ))
         };
         let rest = DVec3::AXES.map(|axis| (REST_ARM * axis, REST_ARM * axis, 1.0));
-        let arms: Vec<(DVec3, DVec3, f64)> =
-            samples.iter().filter_map(reach).chain(rest).collect();
+        let arms: Vec<(DVec3, DVec3, f64)> = samples.iter().filter_map(reach).chain(rest).collect();
         // Each arm and its opposite: their middle is the joint, which stays where it is.
         let both = arms.iter().flat_map(|&(a, b, w)| [(a, b, w), (-a, -b, w)]);
         let turn = Rigid::fit(both)?.rotation;
