@@ -100,8 +100,7 @@ const fn pose_cost(dims: &Dims) -> Cost {
     let search = usize::BITS - dims.max_track_keys.leading_zeros();
     Cost {
         mul_adds: tracks * interpolation + joints * (LOCAL_TO_MATRIX + COMPOSE) + binds * COMPOSE,
-        // Compressed tracks also need the frame.
-        divisions: tracks + (dims.packed.track_count > 0) as u64,
+        divisions: tracks,
         bytes_read: tracks * (16 + 4 * (search as u64 + 2) + 2 * 3 * 16)
             + joints * (40 + 2)
             + binds * (48 + 2),

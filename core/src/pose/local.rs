@@ -112,16 +112,11 @@ pub fn sample(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
 
 /// The compressed tracks of a clip, linear between keys. O(tracks log keys)
 fn sample_packed(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
-    let mut tracks = clip.packed_tracks().peekable();
-    if tracks.peek().is_none() {
-        return;
-    }
-    let frame = seconds / clip.sample_period;
-    for track in tracks {
+    for track in clip.packed_tracks() {
         let Some(local) = local.get_mut(track.joint) else {
             continue;
         };
-        let (key, fraction) = find_frame(&track, frame);
+        let (key, fraction) = find_frame(&track, clip.sample_period, seconds);
         if track.channel == Channel::Rotation {
             let between = track.rotation(key).and_then(|from| {
                 match track.rotation(key + 1) {
@@ -150,14 +145,15 @@ fn sample_packed(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
     }
 }
 
-/// The key at or before a frame, and how far it lies toward the next one, in [0, 1).
-fn find_frame(track: &PackedTrack<'_>, frame: f32) -> (usize, f32) {
-    let after = track.frames.partition_point(|&key| f32::from(key) <= frame);
+/// The key at or before a time, and how far that lies toward the next one, in [0, 1).
+fn find_frame(track: &PackedTrack<'_>, period: f32, seconds: f32) -> (usize, f32) {
+    let time = |frame: u16| f32::from(frame) * period;
+    let after = track.frames.partition_point(|&frame| time(frame) <= seconds);
     let key = after.saturating_sub(1);
     match (track.frames.get(key), track.frames.get(after)) {
         (Some(&start), Some(&end)) if after > 0 => {
-            let (start, end) = (f32::from(start), f32::from(end));
-            (key, (frame - start) / (end - start))
+            let (start, end) = (time(start), time(end));
+            (key, (seconds - start) / (end - start))
         }
         _ => (key, 0.0),
     }

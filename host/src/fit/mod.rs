@@ -6,6 +6,7 @@
 
 pub mod correspond;
 mod error;
+pub mod feet;
 pub mod floor;
 pub mod humanoid;
 pub mod laplace;

@@ -64,6 +64,7 @@ fn open(column: usize, segment: usize, offset: DVec3, scale: f64) -> Marker {
         column,
         segment,
         offset,
+        anchor: None,
         expected: offset / scale,
         spread: OPEN,
     }

@@ -47,7 +47,10 @@ pub struct Marker {
     pub segment: usize,
     /// Relative to the segment's joint, metres.
     pub offset: DVec3,
-    /// What `offset` is expected to be, before scaling to the subject.
+    /// A segment that follows and whose joint lies near: the marker is expected relative to it.
+    pub anchor: Option<usize>,
+    /// What `offset` is expected to be, from the anchor if there is one, before scaling to the
+    /// subject.
     pub expected: DVec3,
     /// Standard deviation of that expectation, metres.
     pub spread: f64,
@@ -148,7 +151,8 @@ impl Body {
             segment.offset = scale * segment.expected;
         }
         for marker in &mut self.markers {
-            marker.offset = scale * marker.expected;
+            let anchor = marker.anchor.map(|anchor| self.segments[anchor].offset);
+            marker.offset = anchor.unwrap_or_default() + scale * marker.expected;
         }
     }
 }

@@ -277,6 +277,7 @@ fn join(take: &Take, groups: &[Group]) -> Body {
                 column,
                 segment,
                 offset: *marker - joint,
+                anchor: None,
                 expected: *marker - joint,
                 spread: 0.005,
             });

@@ -75,6 +75,8 @@ const fn row(
 
 /// A bone that follows the one above it alone fixes that one's axes: across, its direction is exact.
 const EXACT: f64 = 0.002;
+/// A landmark this near the next joint is expected relative to it, metres.
+const NEAR_JOINT: f64 = 0.09;
 const FREE: [f64; 3] = [2.0; 3];
 
 #[rustfmt::skip]
@@ -90,8 +92,8 @@ const TRUNK: [Row; 5] = [
 const SIDE: [Row; 8] = [
     row(Bone::Shoulder, Some(Bone::Chest), "Shoulder", [0.025, 1.41, 0.01], [0.01; 3], [0.2, 0.3, 0.3]),
     row(Bone::Arm, Some(Bone::Shoulder), "Arm", [0.18, 1.41, -0.015], [0.025, 0.015, 0.015], FREE),
-    row(Bone::ForeArm, Some(Bone::Arm), "ForeArm", [0.46, 1.41, -0.015], [0.04, EXACT, EXACT], FREE),
-    row(Bone::Hand, Some(Bone::ForeArm), "Hand", [0.715, 1.41, -0.015], [0.04, EXACT, EXACT], [0.3, 0.6, 0.8]),
+    row(Bone::ForeArm, Some(Bone::Arm), "ForeArm", [0.46, 1.41, -0.015], [0.06, EXACT, EXACT], FREE),
+    row(Bone::Hand, Some(Bone::ForeArm), "Hand", [0.715, 1.41, -0.015], [0.06, EXACT, EXACT], [0.3, 0.6, 0.8]),
     row(Bone::UpLeg, Some(Bone::Hips), "UpLeg", [0.088, 0.915, 0.005], [0.015, 0.02, 0.02], FREE),
     row(Bone::Leg, Some(Bone::UpLeg), "Leg", [0.088, 0.49, 0.005], [EXACT, 0.06, EXACT], FREE),
     row(Bone::Foot, Some(Bone::Leg), "Foot", [0.088, 0.08, 0.005], [EXACT, 0.05, EXACT], [0.7, 0.5, 0.5]),
@@ -218,12 +220,24 @@ pub fn body(landmarks: &[(usize, Landmark)]) -> Body {
         };
         // Landmarks of one side on the trunk lie on an unpaired bone.
         let sided = SIDE.iter().any(|row| row.bone == place.bone);
-        let joint = joint_at(place.bone, side.filter(|_| sided));
-        let expected = mirrored(DVec3::from_array(place.at), side) - joint;
+        let segment = index(place.bone, side.filter(|_| sided));
+        let offset = mirrored(DVec3::from_array(place.at), side)
+            - joint_at(place.bone, side.filter(|_| sided));
+        let away = |at: &usize| body.segments[*at].expected.distance(offset);
+        let follows = |at: &usize| {
+            let next = &body.segments[*at];
+            next.parent == Some(segment) && (side.is_some() || next.mirror.is_none())
+        };
+        let near = (0..body.segments.len()).filter(follows);
+        let anchor = near
+            .filter(|at| away(at) < NEAR_JOINT)
+            .min_by(|a, b| away(a).total_cmp(&away(b)));
+        let expected = offset - anchor.map_or(DVec3::ZERO, |at| body.segments[at].expected);
         body.markers.push(Marker {
             column: *column,
-            segment: index(place.bone, side.filter(|_| sided)),
-            offset: expected,
+            segment,
+            offset,
+            anchor,
             expected,
             spread: place.spread,
         });
