@@ -120,8 +120,7 @@ fn virtual_capture(file: &Path, seconds: f64) -> Errors {
                 })
                 .collect();
             let mean = mean(&offsets);
-            let turned =
-                |offset: &DQuat| (mean.inverse() * *offset).to_scaled_axis().length_squared();
+            let turned = |offset: &DQuat| short(mean.inverse() * *offset).length_squared();
             let turns = offsets.iter().map(turned).sum::<f64>();
             let n = poses.len() as f64;
             eprintln!(
@@ -149,10 +148,15 @@ fn virtual_capture(file: &Path, seconds: f64) -> Errors {
     errors
 }
 
+/// The rotation vector of the shorter way.
+fn short(turn: DQuat) -> DVec3 {
+    if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis()
+}
+
 fn mean(turns: &[DQuat]) -> DQuat {
     let mut mean = turns[0];
     for _ in 0..5 {
-        let of = |turn: &DQuat| (mean.inverse() * *turn).to_scaled_axis();
+        let of = |turn: &DQuat| short(mean.inverse() * *turn);
         let step = turns.iter().map(of).sum::<DVec3>() / turns.len() as f64;
         mean = (mean * DQuat::from_scaled_axis(step)).normalize();
     }

@@ -107,7 +107,16 @@ impl<'a> Asset<'a> {
     /// A clip; `None` for one that does not exist.
     #[must_use]
     pub fn clip(&self, index: usize) -> Option<Clip<'a>> {
-        let &[name, name_bytes, first, count, duration, period, packed_first, packed_count] = self.clips.get(index)?;
+        let &[
+            name,
+            name_bytes,
+            first,
+            count,
+            duration,
+            period,
+            packed_first,
+            packed_count,
+        ] = self.clips.get(index)?;
         Some(Clip {
             name: self.name(name, name_bytes),
             duration: f32::from_bits(duration),

@@ -67,7 +67,8 @@ impl PackedTrack<'_> {
     pub fn vector(&self, key: usize) -> Option<[f32; 3]> {
         let [x, y, z] = *self.values.get(key)?;
         let [low_x, low_y, low_z, size_x, size_y, size_z] = self.range;
-        let value = |low: f32, size: f32, code: u16| low + size * (f32::from(code) * (1.0 / 65535.0));
+        let value =
+            |low: f32, size: f32, code: u16| low + size * (f32::from(code) * (1.0 / 65535.0));
         Some([
             value(low_x, size_x, x),
             value(low_y, size_y, y),
@@ -111,7 +112,10 @@ impl<'a> Clip<'a> {
     #[inline]
     pub fn packed_tracks(&self) -> impl Iterator<Item = PackedTrack<'a>> + use<'a> {
         let packed = self.packed;
-        packed.tracks.iter().filter_map(move |row| decode(row, &packed))
+        packed
+            .tracks
+            .iter()
+            .filter_map(move |row| decode(row, &packed))
     }
 }
 

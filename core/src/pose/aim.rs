@@ -77,8 +77,8 @@ fn solve(
     let (first, first_length) = direction(minus(b, a))?;
     let (second, second_length) = direction(minus(c, b))?;
     let (along, distance) = direction(minus(target.at, a))?;
-    if !(target.weight > 0.0) {
-        return finite(target.weight).then_some(Reach::Reached);
+    if !target.weight.is_finite() {
+        return None;
     }
     // Where the middle joint points now, and where it is to point.
     let (line, _) = direction(minus(c, a)).unwrap_or((first, 0.0));
@@ -127,7 +127,11 @@ fn solve(
     let turned = [
         relative(upper, STILL, upper_turn)?,
         relative(middle, upper_turn, lower_turn)?,
-        relative(end, lower_turn, if limb.keep_end { STILL } else { lower_turn })?,
+        relative(
+            end,
+            lower_turn,
+            if limb.keep_end { STILL } else { lower_turn },
+        )?,
     ];
     for (joint, turn) in limb.joints.into_iter().zip(turned) {
         set(local, joint, turn, target.weight);
@@ -182,16 +186,13 @@ fn aim(
     let own = *rotations.get(look.joint)?;
     let (wanted, _) = direction(minus(target, [matrix[3], matrix[7], matrix[11]]))?;
     let (axis, _) = direction(look.axis)?;
-    if !(finite(look.weight) && (-1.0..=1.0).contains(&look.limit)) {
+    if !(look.weight.is_finite() && (-1.0..=1.0).contains(&look.limit)) {
         return None;
     }
     let mut turn = arc(rotate(own, axis), wanted);
     let [x, y, z, w] = turn;
     // Cosine and sine of half the limit.
-    let (most, sine) = (
-        root(0.5 + 0.5 * look.limit),
-        root(0.5 - 0.5 * look.limit),
-    );
+    let (most, sine) = (root(0.5 + 0.5 * look.limit), root(0.5 - 0.5 * look.limit));
     let limited = w < most;
     if limited && let Some((axis, _)) = direction([x, y, z]) {
         let [x, y, z] = scaled(axis, sine);
@@ -312,8 +313,4 @@ fn minus([a, b, c]: Point, [x, y, z]: Point) -> Point {
 
 fn scaled(v: Point, by: f32) -> Point {
     v.map(|x| x * by)
-}
-
-fn finite(x: f32) -> bool {
-    x - x == 0.0
 }

@@ -2,10 +2,10 @@
 
 use glam::{Quat, Vec3};
 
+use super::blend::set_rotation;
 use crate::asset::{
     Asset, Channel, Clip, Interpolation, LARGEST, LARGEST_WEIGHT, PackedTrack, Track,
 };
-use super::blend::set_rotation;
 use crate::math::{Quat4, normalise, slerp};
 
 /// A joint relative to its parent: rotation x y z w, translation (metres), scale.
@@ -118,12 +118,12 @@ fn sample_packed(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
         };
         let (key, fraction) = find_frame(&track, clip.sample_period, seconds);
         if track.channel == Channel::Rotation {
-            let between = track.rotation(key).and_then(|from| {
-                match track.rotation(key + 1) {
+            let between = track
+                .rotation(key)
+                .and_then(|from| match track.rotation(key + 1) {
                     Some(to) if fraction > 0.0 => normalise(slerp(from, to, fraction)),
                     _ => normalise(from),
-                }
-            });
+                });
             if let Some(turn) = between {
                 set_rotation(local, turn);
             }
@@ -148,7 +148,9 @@ fn sample_packed(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
 /// The key at or before a time, and how far that lies toward the next one, in [0, 1).
 fn find_frame(track: &PackedTrack<'_>, period: f32, seconds: f32) -> (usize, f32) {
     let time = |frame: u16| f32::from(frame) * period;
-    let after = track.frames.partition_point(|&frame| time(frame) <= seconds);
+    let after = track
+        .frames
+        .partition_point(|&frame| time(frame) <= seconds);
     let key = after.saturating_sub(1);
     match (track.frames.get(key), track.frames.get(after)) {
         (Some(&start), Some(&end)) if after > 0 => {

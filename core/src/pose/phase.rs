@@ -57,7 +57,7 @@ impl Loop<'_> {
         } else {
             0.0
         };
-        index as f32 + fraction.max(0.0).min(0.999_999_9)
+        index as f32 + fraction.clamp(0.0, 0.999_999_9)
     }
 }
 
@@ -71,7 +71,7 @@ impl Loop<'_> {
 pub fn advance(phase: f32, seconds: f32, loops: &[Loop<'_>], weights: &[f32]) -> f32 {
     let count = loops.first().map_or(1, Loop::stretches);
     let (mut index, mut fraction) = split(phase, count);
-    if !(seconds >= 0.0 && seconds < f32::INFINITY) {
+    if !(0.0..f32::INFINITY).contains(&seconds) {
         return index as f32 + fraction;
     }
     let mut left = seconds;

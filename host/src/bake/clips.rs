@@ -72,7 +72,8 @@ pub fn reduce(avatar: &Avatar, tolerance: KeyTolerance, compression: Option<f64>
         let (packed, report) = compressed.unzip();
         out.packed.push(packed.unwrap_or_default());
         out.compression.extend(report);
-        out.clips.push(reduce_clip(&clip, &avatar.skeleton, tolerance));
+        out.clips
+            .push(reduce_clip(&clip, &avatar.skeleton, tolerance));
     }
     out
 }

@@ -93,7 +93,8 @@ pub fn compress(
     }
     let Some((packed, error)) = best else {
         clip.tracks.extend(work.tracks);
-        clip.tracks.sort_by_key(|track| (track.joint, track.channel));
+        clip.tracks
+            .sort_by_key(|track| (track.joint, track.channel));
         return None;
     };
     let report = CompressionReport {
@@ -162,7 +163,10 @@ impl<'a> Work<'a> {
             truth: Vec::new(),
         };
         work.truth = work.poses(&tracks);
-        work.tracks = tracks.into_iter().map(|track| work.every_frame(track)).collect();
+        work.tracks = tracks
+            .into_iter()
+            .map(|track| work.every_frame(track))
+            .collect();
         work
     }
 
@@ -275,7 +279,9 @@ fn quantise(track: &Track) -> PackedTrack {
     let mut range = [0.0_f32; 6];
     let values = if track.channel == Channel::Rotation {
         let turns = track.values.iter();
-        turns.map(|&turn| pack_rotation(DQuat::from_array(turn))).collect()
+        turns
+            .map(|&turn| pack_rotation(DQuat::from_array(turn)))
+            .collect()
     } else {
         let mut low = [f64::INFINITY; 3];
         let mut high = [f64::NEG_INFINITY; 3];
@@ -376,7 +382,9 @@ mod tests {
         let clip = Clip {
             name: "swing".into(),
             tracks: vec![
-                track(0, Channel::Translation, &|time| [time, time.sin(), 0.0, 0.0]),
+                track(0, Channel::Translation, &|time| {
+                    [time, time.sin(), 0.0, 0.0]
+                }),
                 track(0, Channel::Rotation, &swing(0.0)),
                 track(1, Channel::Rotation, &swing(1.0)),
                 track(2, Channel::Rotation, &|_| DQuat::IDENTITY.to_array()),

@@ -139,7 +139,9 @@ impl Fitting {
 impl Bake {
     pub fn run(self, say: &Say) -> Result<Value, Failure> {
         if self.compress.is_some_and(|mm| !(mm > 0.0 && mm <= 1e3)) {
-            return Err(Failure::Usage("--compress must lie between 0 and 1000 mm".into()));
+            return Err(Failure::Usage(
+                "--compress must lie between 0 and 1000 mm".into(),
+            ));
         }
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);

@@ -20,12 +20,17 @@ pub fn two_bone(joints: [DVec3; 3], target: DVec3, pole: Option<DVec3>) -> Optio
     let wanted = pole.unwrap_or(first).try_normalize()?;
     let bend = Some(first.reject_from_normalized(line)).filter(|bend| bend.length() > 1e-3);
     let bend = bend.unwrap_or(wanted.reject_from_normalized(line));
-    let bend = bend.try_normalize().unwrap_or(line.any_orthonormal_vector());
+    let bend = bend
+        .try_normalize()
+        .unwrap_or(line.any_orthonormal_vector());
     let side = pole.map_or(arc(line, along) * bend, |_| wanted);
     let side = side.reject_from_normalized(along).try_normalize();
     let side = side.unwrap_or(along.any_orthonormal_vector());
     let reached = (target - a).length();
-    let reached = reached.clamp((long - short).abs().max(1e-6 * (long + short)), long + short);
+    let reached = reached.clamp(
+        (long - short).abs().max(1e-6 * (long + short)),
+        long + short,
+    );
     let cosine = (long * long + reached * reached - short * short) / (2.0 * long * reached);
     let angle = cosine.clamp(-1.0, 1.0).acos();
     let upper_wanted = along * angle.cos() + side * angle.sin();
@@ -42,6 +47,8 @@ fn arc(from: DVec3, to: DVec3) -> DQuat {
 
 /// The rotation from x and y to a direction and one across it.
 fn frame(x: DVec3, across: DVec3) -> DQuat {
-    let y = across.reject_from_normalized(x).normalize_or(x.any_orthonormal_vector());
+    let y = across
+        .reject_from_normalized(x)
+        .normalize_or(x.any_orthonormal_vector());
     DQuat::from_mat3(&glam::DMat3::from_cols(x, y, x.cross(y)))
 }

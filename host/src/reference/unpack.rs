@@ -194,10 +194,14 @@ fn unpack_clip(clip: &asset::Clip<'_>, morphs: &[Morph]) -> Clip {
 fn unpack_track(track: &asset::PackedTrack<'_>, clip: &asset::Clip<'_>) -> Track {
     let value = |key: usize| {
         if let (asset::Channel::Rotation, Some(turn)) = (track.channel, track.rotation(key)) {
-            return DQuat::from_array(turn.map(f64::from)).normalize().to_array();
+            return DQuat::from_array(turn.map(f64::from))
+                .normalize()
+                .to_array();
         }
         let vector = track.vector(key).unwrap_or_default();
-        DVec3::from_array(vector.map(f64::from)).extend(0.0).to_array()
+        DVec3::from_array(vector.map(f64::from))
+            .extend(0.0)
+            .to_array()
     };
     let period = f64::from(clip.sample_period);
     Track {
@@ -208,7 +212,11 @@ fn unpack_track(track: &asset::PackedTrack<'_>, clip: &asset::Clip<'_>) -> Track
             _ => Channel::Translation,
         },
         interpolation: Interpolation::Linear,
-        times: track.frames.iter().map(|&frame| f64::from(frame) * period).collect(),
+        times: track
+            .frames
+            .iter()
+            .map(|&frame| f64::from(frame) * period)
+            .collect(),
         values: (0..track.frames.len()).map(value).collect(),
     }
 }

@@ -6,19 +6,8 @@ use crate::asset::{Asset, AssetError, Channel, LARGEST, SectionKind, Track};
 
 pub(super) fn check(asset: &Asset<'_>) -> Result<(), AssetError> {
     let (mut first_track, mut most_tracks, mut most_keys) = (0, 0, 0);
-    for (
-        row,
-        &[
-            offset,
-            length,
-            first,
-            count,
-            duration,
-            period,
-            _,
-            packed,
-        ],
-    ) in asset.clips.iter().enumerate()
+    for (row, &[offset, length, first, count, duration, period, _, packed]) in
+        asset.clips.iter().enumerate()
     {
         let section = SectionKind::Clips;
         name(asset, section, row, (offset, length))?;

@@ -51,7 +51,14 @@ impl Writer {
             let (first, count) = (first as u32, count as u32);
             let (first_packed, packed_count) = (first_packed as u32, packed_count as u32);
             let row = [
-                name, name_bytes, first, count, duration, period, first_packed, packed_count,
+                name,
+                name_bytes,
+                first,
+                count,
+                duration,
+                period,
+                first_packed,
+                packed_count,
             ];
             tables.clips.push(row);
         }

@@ -44,19 +44,18 @@ impl Contacts {
 
 /// Finds when heel and ball of a foot stand, from their speed and height. O(frames x joints)
 #[must_use]
-pub fn contacts(
-    motion: &Motion,
-    human: &Humanoid,
-    side: Side,
-    times: &[f64],
-) -> Contacts {
+pub fn contacts(motion: &Motion, human: &Humanoid, side: Side, times: &[f64]) -> Contacts {
     let Some(foot) = human.limb(side, Part::Foot) else {
         return Contacts::default();
     };
     let ball = human.limb(side, Part::Toes).unwrap_or(foot);
     let rest = motion.skeleton.model(&motion.skeleton.rest());
     let leg = [Part::UpperLeg, Part::LowerLeg, Part::Foot];
-    let leg = leg.map(|part| human.limb(side, part).map_or(DVec3::ZERO, |at| rest[at].translation));
+    let leg = leg.map(|part| {
+        human
+            .limb(side, part)
+            .map_or(DVec3::ZERO, |at| rest[at].translation)
+    });
     let leg = leg[0].distance(leg[1]) + leg[1].distance(leg[2]);
     let mut ways: [Vec<DVec3>; 2] = [Vec::new(), Vec::new()];
     for &time in times {
@@ -82,7 +81,10 @@ fn standing(way: &[DVec3], times: &[f64], size: f64) -> Vec<Range<usize>> {
             let at = times.partition_point(|&time| time < times[frame] + sign * WINDOW - 1e-9);
             at.min(last)
         };
-        let (from, to) = (reach(-1.0).min(frame.saturating_sub(1)), reach(1.0).max(frame + 1));
+        let (from, to) = (
+            reach(-1.0).min(frame.saturating_sub(1)),
+            reach(1.0).max(frame + 1),
+        );
         let to = to.min(last);
         let seconds = times[to] - times[from];
         if seconds > 0.0 {
@@ -95,8 +97,7 @@ fn standing(way: &[DVec3], times: &[f64], size: f64) -> Vec<Range<usize>> {
     let mut holding = false;
     for frame in 0..way.len() {
         let slack = if holding { HOLDING } else { 1.0 };
-        holding = speed(frame) < slack * STILL * size
-            && way[frame].y - floor < slack * LOW * size;
+        holding = speed(frame) < slack * STILL * size && way[frame].y - floor < slack * LOW * size;
         if !holding {
             continue;
         }

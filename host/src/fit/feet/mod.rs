@@ -97,13 +97,7 @@ pub fn hold(
 }
 
 /// Moves the hips down in model space.
-fn lower(
-    body: &Avatar,
-    human: &Humanoid,
-    pose: &mut [Transform],
-    model: &[DAffine3],
-    drop: f64,
-) {
+fn lower(body: &Avatar, human: &Humanoid, pose: &mut [Transform], model: &[DAffine3], drop: f64) {
     let parent = body.skeleton.joints[human.hips].parent;
     let above = parent.map_or(DAffine3::IDENTITY, |parent| model[parent]);
     let down = above.matrix3.inverse() * (DVec3::NEG_Y * drop);
@@ -197,14 +191,20 @@ impl Leg {
             .zip(&self.anchors)
             .map(|(foot, anchors)| {
                 let [Some(heel), Some(ball)] = *anchors else {
-                    return anchors.iter().any(Option::is_some).then_some(DQuat::IDENTITY);
+                    return anchors
+                        .iter()
+                        .any(Option::is_some)
+                        .then_some(DQuat::IDENTITY);
                 };
                 let [a, b] = self.sole.stand.map(|point| foot.turn * point);
                 let (from, to) = ((b - a).try_normalize()?, (ball - heel).try_normalize()?);
                 Some(DQuat::from_rotation_arc(from, to))
             })
             .collect();
-        let turns = smoothed(&spread(&known, times, DQuat::IDENTITY, |a, b, t| a.slerp(b, t)), times);
+        let turns = smoothed(
+            &spread(&known, times, DQuat::IDENTITY, |a, b, t| a.slerp(b, t)),
+            times,
+        );
         // Then the places: the ball stays exactly, the heel where it stands alone.
         let known: Vec<Option<DVec3>> = (0..feet.len())
             .map(|frame| {
@@ -230,7 +230,9 @@ impl Leg {
         let mut anchors = vec![[None; 2]; feet.len()];
         let [heel, ball] = self.sole.stand;
         let length = (ball - heel).length();
-        let standing: Vec<[bool; 2]> = (0..feet.len()).map(|frame| self.contacts.at(frame)).collect();
+        let standing: Vec<[bool; 2]> = (0..feet.len())
+            .map(|frame| self.contacts.at(frame))
+            .collect();
         let mut first = 0;
         while first < feet.len() {
             if standing[first] == [false; 2] {
@@ -361,9 +363,11 @@ fn smoothed(turns: &[DQuat], times: &[f64]) -> Vec<DQuat> {
     let mean = |frame: usize| {
         let from = times.partition_point(|&time| time < times[frame] - SMOOTH);
         let to = times.partition_point(|&time| time <= times[frame] + SMOOTH);
-        let sum = turns[from..to].iter().fold(glam::DVec4::ZERO, |sum, &turn| {
-            sum + glam::DVec4::from(turn) * turn.dot(turns[frame]).signum()
-        });
+        let sum = turns[from..to]
+            .iter()
+            .fold(glam::DVec4::ZERO, |sum, &turn| {
+                sum + glam::DVec4::from(turn) * turn.dot(turns[frame]).signum()
+            });
         DQuat::from_vec4(sum).normalize()
     };
     (0..turns.len()).map(mean).collect()
@@ -405,6 +409,7 @@ fn rewritten(
             values: poses.iter().map(value).collect(),
         });
     }
-    clip.tracks.sort_by_key(|track| (track.joint, track.channel));
+    clip.tracks
+        .sort_by_key(|track| (track.joint, track.channel));
     clip
 }

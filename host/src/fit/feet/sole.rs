@@ -25,7 +25,11 @@ impl Sole {
     #[must_use]
     pub fn new(body: &Avatar, human: &Humanoid, side: Side) -> Option<Self> {
         let part = |part| human.limb(side, part);
-        let leg = [part(Part::UpperLeg)?, part(Part::LowerLeg)?, part(Part::Foot)?];
+        let leg = [
+            part(Part::UpperLeg)?,
+            part(Part::LowerLeg)?,
+            part(Part::Foot)?,
+        ];
         let (ankle, toes) = (leg[2], part(Part::Toes));
         let is_foot = |joint: usize| {
             joint == ankle || ancestors(&body.skeleton, joint).any(|above| above == ankle)
@@ -54,7 +58,11 @@ impl Sole {
         // The middle of the lowest skin about a place along the foot.
         let sole = |place: f64| {
             let near = |point: &&DVec3| (along(point) - place).abs() <= 0.12 * length;
-            let floor = points.iter().filter(near).map(|at| at.y).fold(f64::INFINITY, f64::min);
+            let floor = points
+                .iter()
+                .filter(near)
+                .map(|at| at.y)
+                .fold(f64::INFINITY, f64::min);
             let lowest = |point: &&DVec3| near(point) && point.y <= floor + 0.03 * length;
             let all: Vec<DVec3> = points.iter().filter(lowest).copied().collect();
             let middle = all.iter().sum::<DVec3>() / all.len().max(1) as f64;

@@ -319,11 +319,12 @@ fn shape(
         let column = unknowns.marker(at);
         for axis in 0..3 {
             let expected = marker.expected[axis];
-            let anchor = marker
-                .anchor
-                .and_then(|at| Some((unknowns.segment(at)? + axis, body.segments[at].offset[axis])));
+            let anchor = marker.anchor.and_then(|at| {
+                Some((unknowns.segment(at)? + axis, body.segments[at].offset[axis]))
+            });
             // Without an anchor the column of the scale stands twice, once with nothing.
-            let (beside, from) = anchor.map_or(((scale, 0.0), 0.0), |(at, from)| ((at, -1.0), from));
+            let (beside, from) =
+                anchor.map_or(((scale, 0.0), 0.0), |(at, from)| ((at, -1.0), from));
             add(
                 &[(column + axis, 1.0), (scale, -expected), beside],
                 marker.offset[axis] - from - body.scale * expected,
