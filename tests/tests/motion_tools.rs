@@ -375,7 +375,7 @@ fn long_legged(size: f64) -> Avatar {
         *position = sum.sum();
     }
     for bind in &mut avatar.skin.binds {
-        bind.inverse_bind = bind.inverse_bind * moved[bind.joint].inverse();
+        bind.inverse_bind *= moved[bind.joint].inverse();
     }
     avatar
 }

@@ -65,6 +65,7 @@ fn open(column: usize, segment: usize, offset: DVec3, scale: f64) -> Marker {
         segment,
         offset,
         anchor: None,
+        blend: 0.0,
         expected: offset / scale,
         spread: OPEN,
     }

@@ -49,6 +49,8 @@ pub struct Marker {
     pub offset: DVec3,
     /// A segment that follows and whose joint lies near: the marker is expected relative to it.
     pub anchor: Option<usize>,
+    /// Share in which the anchor's segment carries it too, as skin near a joint moves with both.
+    pub blend: f64,
     /// What `offset` is expected to be, from the anchor if there is one, before scaling to the
     /// subject.
     pub expected: DVec3,
@@ -123,7 +125,17 @@ impl Body {
 
     /// Where a marker is. O(1)
     pub fn marker(&self, marker: &Marker, placed: &Placed) -> DVec3 {
-        placed.joints[marker.segment] + placed.rotations[marker.segment] * marker.offset
+        let (own, other) = self.carried(marker, placed);
+        other.map_or(own, |other| own.lerp(other, marker.blend))
+    }
+
+    /// Where its segment, and its anchor's, would carry a marker alone.
+    pub fn carried(&self, marker: &Marker, placed: &Placed) -> (DVec3, Option<DVec3>) {
+        let by = |at: usize, offset: DVec3| placed.joints[at] + placed.rotations[at] * offset;
+        let other = marker
+            .anchor
+            .map(|at| by(at, marker.offset - self.segments[at].offset));
+        (by(marker.segment, marker.offset), other)
     }
 
     /// A segment and all above it, itself first.

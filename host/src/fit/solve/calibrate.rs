@@ -13,6 +13,11 @@ use super::body::{Body, Pose};
 use super::equations::{Layout, Normal, Sample, cost, expectations, loss, parent_axes};
 use crate::clean::linear::Cholesky;
 
+/// Share of the next segment in a marker near its joint: usual, spread, most.
+pub const BLEND: f64 = 0.15;
+const BLEND_SPREAD: f64 = 0.2;
+const MOST_BLEND: f64 = 0.8;
+
 /// A frame with its markers and its pose so far.
 #[derive(Clone, Debug)]
 pub struct Frame {
@@ -38,7 +43,7 @@ impl Default for Weighing {
         Self {
             scale_spread: 0.15,
             mirror_spread: 0.004,
-            independent_frames: 12.0,
+            independent_frames: 40.0,
         }
     }
 }
@@ -47,6 +52,7 @@ impl Default for Weighing {
 #[derive(Clone, Copy)]
 struct Unknowns {
     segments: usize,
+    markers: usize,
     count: usize,
 }
 
@@ -55,7 +61,8 @@ impl Unknowns {
         let segments = body.segments.len();
         Self {
             segments,
-            count: 3 * (segments - 1) + 3 * body.markers.len() + 1,
+            markers: body.markers.len(),
+            count: 3 * (segments - 1) + 4 * body.markers.len() + 1,
         }
     }
 
@@ -66,6 +73,10 @@ impl Unknowns {
 
     fn marker(self, at: usize) -> usize {
         3 * (self.segments - 1) + 3 * at
+    }
+
+    fn blend(self, at: usize) -> usize {
+        self.marker(self.markers) + at
     }
 
     fn scale(self) -> usize {
@@ -155,7 +166,7 @@ impl System {
             for sample in &frame.samples {
                 let marker = &body.markers[sample.marker];
                 let at = body.marker(marker, &placed);
-                layout.columns_of(body, &placed, marker.segment, at, &mut columns);
+                layout.columns_of(body, &placed, marker, at, &mut columns);
                 others.clear();
                 for &joint in &layout.lines[marker.segment] {
                     if let Some(column) = unknowns.segment(joint) {
@@ -163,7 +174,18 @@ impl System {
                         others.extend((0..3).map(|axis| (column + axis, axes.col(axis))));
                     }
                 }
-                let axes = placed.rotations[marker.segment];
+                let turn = placed.rotations[marker.segment];
+                let mut axes = turn;
+                if let Some(anchor) = marker.anchor {
+                    let apart = (placed.rotations[anchor] - turn) * marker.blend;
+                    axes += apart;
+                    if let Some(column) = unknowns.segment(anchor) {
+                        others.extend((0..3).map(|axis| (column + axis, -apart.col(axis))));
+                    }
+                    if let (here, Some(other)) = body.carried(marker, &placed) {
+                        others.push((unknowns.blend(sample.marker), other - here));
+                    }
+                }
                 let column = unknowns.marker(sample.marker);
                 others.extend((0..3).map(|axis| (column + axis, axes.col(axis))));
                 let residual = at - sample.at;
@@ -244,6 +266,7 @@ impl System {
         }
         for (at, marker) in tried.markers.iter_mut().enumerate() {
             marker.offset += DVec3::from_slice(&right[self.unknowns.marker(at)..]);
+            marker.blend = (marker.blend + right[self.unknowns.blend(at)]).clamp(0.0, MOST_BLEND);
         }
         tried.scale += right[self.unknowns.scale()];
         let moved = frames.iter().zip(&solved).map(|(frame, wide)| {
@@ -331,6 +354,11 @@ fn shape(
                 marker.spread,
             );
         }
+    }
+    for (at, marker) in body.markers.iter().enumerate() {
+        let usual = marker.anchor.map_or(0.0, |_| BLEND);
+        let column = unknowns.blend(at);
+        add(&[(column, 1.0)], marker.blend - usual, BLEND_SPREAD);
     }
     add(
         &[(scale, 1.0)],

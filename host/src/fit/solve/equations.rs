@@ -5,7 +5,7 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
-use super::body::{Body, Placed, Pose};
+use super::body::{Body, Marker, Placed, Pose};
 
 /// One measured marker.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Sample {
 }
 
 /// Standard deviation of a marker against its segment, metres: skin moves on bones.
-pub const MARKER_SPREAD: f64 = 0.008;
+pub const MARKER_SPREAD: f64 = 0.005;
 /// Residuals well beyond this are taken for faults and lose their weight (Cauchy's loss), metres.
 const FAULT: f64 = 0.05;
 
@@ -61,26 +61,28 @@ impl Layout {
         }
     }
 
-    /// Derivatives of a point carried by `segment`, one column each.
+    /// Derivatives of a marker's place `at`, one column each.
     pub fn columns_of(
         &self,
         body: &Body,
         placed: &Placed,
-        segment: usize,
+        marker: &Marker,
         at: DVec3,
         out: &mut Vec<(usize, DVec3)>,
     ) {
         out.clear();
         out.extend([(0, DVec3::X), (1, DVec3::Y), (2, DVec3::Z)]);
-        for &joint in &self.lines[segment] {
-            let Some(column) = self.columns[joint] else {
-                continue;
-            };
-            let axes = parent_axes(body, placed, joint);
-            let arm = at - placed.joints[joint];
-            for axis in 0..3 {
-                out.push((column + axis, axes.col(axis).cross(arm)));
+        let mut turn = |joint: usize, arm: DVec3| {
+            if let Some(column) = self.columns[joint] {
+                let axes = parent_axes(body, placed, joint);
+                out.extend((0..3).map(|axis| (column + axis, axes.col(axis).cross(arm))));
             }
+        };
+        for &joint in &self.lines[marker.segment] {
+            turn(joint, at - placed.joints[joint]);
+        }
+        if let (Some(anchor), (_, Some(other))) = (marker.anchor, body.carried(marker, placed)) {
+            turn(anchor, marker.blend * (other - placed.joints[anchor]));
         }
     }
 
@@ -242,7 +244,7 @@ pub fn normal(
     for sample in samples {
         let marker = &body.markers[sample.marker];
         let at = body.marker(marker, &placed);
-        layout.columns_of(body, &placed, marker.segment, at, &mut columns);
+        layout.columns_of(body, &placed, marker, at, &mut columns);
         let residual = at - sample.at;
         let (_, weight) = loss(residual.length_squared(), sample.weight);
         normal.add(&columns, residual, weight);
@@ -265,7 +267,10 @@ mod tests {
         let known: Vec<_> = known
             .map(|(at, label)| (at, landmark(label).unwrap()))
             .collect();
-        let body = template::body(&known);
+        let mut body = template::body(&known);
+        body.markers
+            .iter_mut()
+            .for_each(|marker| marker.blend = 0.3);
         let layout = Layout::new(&body);
         assert_eq!(
             layout.columns[template::index(Bone::Toes, Some(Side::Left))],

@@ -278,6 +278,7 @@ fn join(take: &Take, groups: &[Group]) -> Body {
                 segment,
                 offset: *marker - joint,
                 anchor: None,
+                blend: 0.0,
                 expected: *marker - joint,
                 spread: 0.005,
             });

@@ -8,6 +8,7 @@
 use glam::DVec3;
 
 use super::body::{Body, Hinge, Marker, Segment};
+use super::calibrate::BLEND;
 use super::labels::{Landmark, Place};
 use crate::fit::Side;
 
@@ -91,10 +92,10 @@ const TRUNK: [Row; 5] = [
 #[rustfmt::skip]
 const SIDE: [Row; 8] = [
     row(Bone::Shoulder, Some(Bone::Chest), "Shoulder", [0.025, 1.41, 0.01], [0.01; 3], [0.2, 0.3, 0.3]),
-    row(Bone::Arm, Some(Bone::Shoulder), "Arm", [0.18, 1.41, -0.015], [0.025, 0.015, 0.015], FREE),
+    row(Bone::Arm, Some(Bone::Shoulder), "Arm", [0.18, 1.41, -0.015], [0.03, EXACT, EXACT], FREE),
     row(Bone::ForeArm, Some(Bone::Arm), "ForeArm", [0.46, 1.41, -0.015], [0.06, EXACT, EXACT], FREE),
     row(Bone::Hand, Some(Bone::ForeArm), "Hand", [0.715, 1.41, -0.015], [0.06, EXACT, EXACT], [0.3, 0.6, 0.8]),
-    row(Bone::UpLeg, Some(Bone::Hips), "UpLeg", [0.088, 0.915, 0.005], [0.015, 0.02, 0.02], FREE),
+    row(Bone::UpLeg, Some(Bone::Hips), "UpLeg", [0.088, 0.915, 0.005], [0.02, 0.03, 0.025], FREE),
     row(Bone::Leg, Some(Bone::UpLeg), "Leg", [0.088, 0.49, 0.005], [EXACT, 0.06, EXACT], FREE),
     row(Bone::Foot, Some(Bone::Leg), "Foot", [0.088, 0.08, 0.005], [EXACT, 0.05, EXACT], [0.7, 0.5, 0.5]),
     row(Bone::Toes, Some(Bone::Foot), "ToeBase", [0.098, 0.025, 0.135], [0.015, 0.008, 0.02], [0.5, 0.1, 0.1]),
@@ -238,6 +239,7 @@ pub fn body(landmarks: &[(usize, Landmark)]) -> Body {
             segment,
             offset,
             anchor,
+            blend: anchor.map_or(0.0, |_| BLEND),
             expected,
             spread: place.spread,
         });
