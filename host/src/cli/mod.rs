@@ -13,6 +13,7 @@ mod play;
 mod register;
 mod say;
 mod segment;
+mod solve;
 mod studio;
 mod verify;
 
@@ -30,6 +31,9 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew solve take.c3d --output walk.bvh           markers to skeleton motion
+  sinew register --mesh body.glb --markers clean.c3d --output fitted.glb
+  sinew segment --mesh fitted.glb --markers clean.c3d --output parts.json
   sinew studio --mesh body.glb --motion walk.bvh --out capture
 
 Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
@@ -55,6 +59,7 @@ enum Command {
     Play(play::Play),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
+    Solve(solve::Solve),
     Studio(Box<studio::Studio>),
 }
 
@@ -88,6 +93,7 @@ pub fn run() -> ExitCode {
         Command::Play(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
+        Command::Solve(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),
     };
     match done {
