@@ -139,7 +139,8 @@ impl Motion {
     }
 }
 
-fn core_transform(local: &crate::model::Transform) -> pose::Transform {
+/// A local transform as the core takes it.
+pub(crate) fn core_transform(local: &crate::model::Transform) -> pose::Transform {
     pose::Transform {
         rotation: local.rotation.as_quat(),
         translation: local.translation.as_vec3(),

@@ -46,8 +46,8 @@ pub(crate) struct Bake {
 #[derive(Args, Clone, Default)]
 pub(crate) struct Fitting {
     /// The motion's joint SOURCE drives the body's joint TARGET, whatever their names suggest.
-    #[arg(long, value_name = "SOURCE=TARGET")]
-    map: Vec<String>,
+    #[arg(long, value_name = "SOURCE=TARGET", value_parser = load::pair)]
+    map: Vec<(String, String)>,
     #[command(flatten)]
     pub reading: Reading,
     /// Count rotations from this frame (0 is the first) instead of the motion's rest pose, where
@@ -70,13 +70,7 @@ impl Fitting {
         body: &Avatar,
         name: &str,
     ) -> Result<(Clip, Vec<Notice>), Failure> {
-        let map = self.map.iter().map(|pair| {
-            pair.split_once('=')
-                .map(|(source, target)| (source.to_owned(), target.to_owned()))
-                .ok_or_else(|| Failure::Usage(format!("--map {pair}: give SOURCE=TARGET")))
-        });
-        let map = map.collect::<Result<Vec<_>, _>>()?;
-        let correspondence = Correspondence::new(&motion.skeleton, &body.skeleton, &map)?;
+        let correspondence = Correspondence::new(&motion.skeleton, &body.skeleton, &self.map)?;
         let reference = self
             .reference_frame
             .map_or(Reference::Rest, Reference::Frame);

@@ -51,6 +51,13 @@ impl Unit {
     }
 }
 
+/// SOURCE=TARGET of `--map`.
+pub(crate) fn pair(text: &str) -> Result<(String, String), String> {
+    let pair = text.split_once('=');
+    pair.map(|(source, target)| (source.to_owned(), target.to_owned()))
+        .ok_or_else(|| "give SOURCE=TARGET".to_owned())
+}
+
 fn parse_unit(text: &str) -> Result<Unit, String> {
     let named = LengthUnit::parse(text).map(Unit::Named);
     let metres = text

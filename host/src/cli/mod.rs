@@ -8,11 +8,13 @@ mod clean;
 mod cost;
 mod demo;
 mod inspect;
+mod live;
 mod load;
 mod play;
 mod register;
 mod say;
 mod segment;
+mod send;
 mod solve;
 mod studio;
 mod verify;
@@ -56,7 +58,9 @@ enum Command {
     Clean(clean::Clean),
     Register(register::Register),
     Segment(segment::Segment),
+    Live(live::Live),
     Play(play::Play),
+    Send(send::Send),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
     Solve(solve::Solve),
@@ -90,7 +94,9 @@ pub fn run() -> ExitCode {
         Command::Clean(command) => command.run(&say),
         Command::Register(command) => command.run(&say),
         Command::Segment(command) => command.run(&say),
+        Command::Live(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
+        Command::Send(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
         Command::Solve(command) => command.run(&say),

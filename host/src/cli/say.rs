@@ -51,6 +51,13 @@ impl Say {
         }
     }
 
+    /// A line on a terminal that the next one replaces; nothing elsewhere.
+    pub fn transient(&self, text: &str) {
+        if !self.quiet && std::io::stderr().is_terminal() {
+            eprint!("\r\x1b[2K{text}");
+        }
+    }
+
     /// A bar on a terminal, nothing elsewhere.
     pub fn progress(&self, what: &'static str, count: usize) -> ProgressBar {
         let bar = ProgressBar::new(count as u64);

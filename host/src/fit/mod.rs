@@ -19,4 +19,4 @@ pub mod solve;
 pub use correspond::{Correspondence, Drive};
 pub use error::{FitError, Which};
 pub use humanoid::{Finger, Humanoid, Part, Role, Side};
-pub use retarget::{Options, Reference, Retargeted, retarget};
+pub use retarget::{Options, Reference, Retargeted, retarget, retarget_pose};

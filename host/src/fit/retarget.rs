@@ -132,6 +132,30 @@ pub fn retarget(
     })
 }
 
+/// Carries one pose over, as [`retarget`] does a clip: for motion that arrives frame by frame.
+///
+/// `motion` gives the source's skeleton, its rest pose being the reference; `pose` is local,
+/// `[source joints]`. Gives the local pose of `target`. O(joints)
+///
+/// # Errors
+/// As [`retarget`].
+pub fn retarget_pose(
+    motion: &Motion,
+    pose: &[Transform],
+    target: &Skeleton,
+    correspondence: &Correspondence,
+    options: &Options,
+) -> Result<Vec<Transform>, FitError> {
+    if !correspondence.is_of(&motion.skeleton, target) {
+        return Err(FitError::OtherSkeletons);
+    }
+    let reference = options.reference;
+    let transfer = Transfer::new(motion, target, correspondence, reference, &[0.0])?;
+    let mut source = Pose::new(&motion.skeleton, pose);
+    source.turn(DQuat::from_rotation_y(transfer.yaw));
+    Ok(transfer.target_pose(&source, options.lift * DVec3::Y))
+}
+
 /// What stays the same from frame to frame.
 struct Transfer<'a> {
     motion: &'a Motion,

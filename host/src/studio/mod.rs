@@ -36,4 +36,5 @@ pub use error::StudioError;
 pub use flesh::{Flesh, FleshOptions};
 pub use markers::{Marker, MarkerLayout, MarkerSet};
 pub use performance::{Direction, Performance};
+pub(crate) use random::Random;
 pub use visibility::Sight;
