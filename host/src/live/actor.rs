@@ -243,7 +243,7 @@ impl Recording {
                 tracks,
                 morph_track: None,
                 duration: times.last().copied().unwrap_or(0.0),
-                sample_period: usual.map(|usual| (usual * 1e4).round() / 1e4),
+                sample_period: usual.map(|usual| (usual * 1e6).round() / 1e6),
             },
             ..actor.clone()
         })
