@@ -1,3 +1,4 @@
-//! Linear systems that are prepared once and solved every frame.
+//! Linear systems that are prepared once and solved every frame, and small dense problems.
 
+pub mod dense;
 pub mod sparse;

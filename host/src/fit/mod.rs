@@ -10,6 +10,7 @@ pub mod floor;
 pub mod humanoid;
 pub mod laplace;
 mod names;
+pub mod parts;
 pub mod retarget;
 
 pub use correspond::{Correspondence, Drive};

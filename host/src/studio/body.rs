@@ -226,7 +226,7 @@ impl<'a> Body<'a> {
 }
 
 /// `[vertices]`: the first vertex at exactly the same position.
-pub(super) fn weld(positions: &[DVec3]) -> Vec<u32> {
+pub(crate) fn weld(positions: &[DVec3]) -> Vec<u32> {
     let mut first: HashMap<[u64; 3], u32> = HashMap::with_capacity(positions.len());
     let key = |position: &DVec3| position.to_array().map(|c| (c + 0.0).to_bits());
     let places = positions.iter().enumerate();
