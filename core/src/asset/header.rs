@@ -1,5 +1,7 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
+
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
 
@@ -86,6 +88,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// The skin that markers drive.
+    pub marker_skin: MarkerSkinDims,
 }
 
 impl Dims {
@@ -144,6 +148,7 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
+            marker_skin: MarkerSkinDims::read(bytes),
         }
     }
 
@@ -177,6 +182,12 @@ impl Dims {
         let mut at = 0;
         while at < counts.len() {
             words[at] = counts[at];
+            at += 1;
+        }
+        let (first, group) = self.marker_skin.words();
+        let mut at = 0;
+        while at < MARKER_SKIN_WORDS {
+            words[first + at] = group[at];
             at += 1;
         }
         words

@@ -5,6 +5,7 @@
 pub mod dual;
 pub mod laplacian;
 pub mod morph;
+pub mod parts;
 pub mod pose;
 pub mod skin;
 mod unpack;

@@ -7,11 +7,11 @@ use crate::clean::linear::symmetric_eigen;
 use crate::model::Avatar;
 
 /// Markers that a part needs for a frame of its own.
-const FEWEST_MARKERS: usize = 4;
+const FEWEST_MARKERS: usize = 3;
 /// A marker counts for a part from this weight on.
 const BELONGS: f64 = 0.5;
 /// Markers of a part must spread this far, metres, in a second direction too.
-const SPREAD: f64 = 0.012;
+const SPREAD: f64 = 0.006;
 /// Most parts that move a vertex.
 const MOST_INFLUENCES: usize = 6;
 
