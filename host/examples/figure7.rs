@@ -77,7 +77,8 @@ fn main() -> Result<(), Failure> {
         frames: 240,
         ..Options::default()
     };
-    let learnt = learn(&body.mesh, &segments, &glued, &frames, &options)?;
+    let rest: Vec<DVec3> = glued.iter().map(|marker| marker.on(&body.mesh.positions)).collect();
+    let learnt = learn(&body.mesh, &segments, (&glued, &rest), &frames, &options)?;
     println!("learnt from {} frames in {:.1} s", frames.len(), start.elapsed().as_secs_f64());
 
     let mut truth = Vec::new();

@@ -141,7 +141,6 @@ pub struct MarkerSkin<'a> {
 
 /// How markers move vertices.
 #[derive(Clone, Copy, Debug)]
-#[non_exhaustive]
 pub enum MarkerMode<'a> {
     /// Quadratic parts with radial-basis residuals.
     Exact(Exact<'a>),

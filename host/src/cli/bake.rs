@@ -6,10 +6,11 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::load::Reading;
+use super::markers::FromMarkers;
 use super::say::{Say, bytes, notices_json, thousands};
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
-use crate::bake::{BakeOptions, BakeReport, Baked, bake};
+use crate::bake::{BakeOptions, BakeReport, Baked, bake_with};
 use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, floor, retarget};
 use crate::import::Place;
@@ -23,7 +24,9 @@ use sinew_core::frame::Budget;
 Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
-  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew")]
+  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --mode hybrid --rest-frame 40 --output body.sinew")]
 pub(crate) struct Bake {
     /// The body: a .glb or .gltf with skin weights.
     #[arg(long)]
@@ -33,6 +36,8 @@ pub(crate) struct Bake {
     motion: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
+    #[command(flatten)]
+    from_markers: FromMarkers,
     /// Where to write the asset.
     #[arg(long, short)]
     output: PathBuf,
@@ -128,7 +133,9 @@ impl Bake {
             notices.extend(fit_notices);
             body.clips.push(clip);
         }
-        let baked = bake(&body, &BakeOptions::default())?;
+        let learnt = self.from_markers.learn(&body, self.fitting.reading, say)?;
+        let marker_skin = learnt.as_ref().map(|learnt| &learnt.0);
+        let baked = bake_with(&body, &BakeOptions::default(), marker_skin)?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);
@@ -144,6 +151,9 @@ impl Bake {
         object["output"] = json!(self.output.display().to_string());
         object["error"] = error_json(&error, BAKE_LIMIT);
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
+        if let Some((_, report)) = learnt {
+            object["marker_skin"] = report;
+        }
         object["notices"] = notices_json(&notices);
         Ok(object)
     }

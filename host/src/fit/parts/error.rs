@@ -38,6 +38,20 @@ pub enum PartsFitError {
         /// Which marker.
         marker: usize,
     },
+    /// A frame in which the subject does not stand as the mesh does.
+    #[error(
+        "the markers are {mean_mm:.0} mm from the skin on average (marker {marker}: {worst_mm:.0} mm): \
+         choose a frame in which the subject stands in the mesh's rest pose (--rest-frame), or \
+         register the mesh to the markers first"
+    )]
+    OtherPose {
+        /// Mean distance, millimetres.
+        mean_mm: f64,
+        /// The furthest marker.
+        marker: usize,
+        /// Its distance, millimetres.
+        worst_mm: f64,
+    },
     /// A surface that cannot be prepared.
     #[error(transparent)]
     Surface(#[from] LaplaceError),

@@ -89,7 +89,8 @@ impl Learnt {
     }
 }
 
-/// Learns a skin. `frames`: `[frames][markers]`, metres, complete.
+/// Learns a skin. `markers`: where each is glued, and where it is in mesh space at rest, metres;
+/// `frames`: `[frames][markers]`, metres, complete.
 /// O(markers vertices^1.5 + frames vertices + vertices markers^2)
 ///
 /// # Errors
@@ -98,13 +99,12 @@ impl Learnt {
 pub fn learn(
     mesh: &Mesh,
     segments: &Segments,
-    markers: &[Glued],
+    (markers, rest): (&[Glued], &[DVec3]),
     frames: &[Vec<DVec3>],
     options: &Options,
 ) -> Result<Learnt, PartsFitError> {
-    check(mesh, markers, frames)?;
+    check(mesh, (markers, rest), frames)?;
     let (positions, normals) = (&mesh.positions, &mesh.normals);
-    let rest: Vec<DVec3> = markers.iter().map(|marker| marker.on(positions)).collect();
     let step = frames.len().div_ceil(options.frames.max(1)).max(1);
     let frames: Vec<&Vec<DVec3>> = frames.iter().step_by(step).collect();
     let owned: Vec<Vec<DVec3>> = frames.iter().map(|&frame| frame.clone()).collect();
@@ -113,14 +113,15 @@ pub fn learn(
     let distances = skin.distances(markers);
     let by_surface = patches::by_surface(&distances);
 
-    let mut rig = rig::tables(segments, markers, &rest, 1e3);
+    let mut rig = rig::tables(segments, markers, rest, 1e3);
     let residuals = residuals(&rig, &owned)?;
     let longest = residuals.iter().flatten().map(|r| r.length());
     let longest = longest.fold(0.0, f64::max);
     rig.residual_limit = (MARGIN * longest).max(LEAST_LIMIT) as f32;
 
-    let memberships = weights::of_markers(segments, markers, &rest, &owned);
-    let exact = exact_mode(mesh, segments, markers, &memberships, &skin, &by_surface, options)?;
+    let memberships = weights::of_markers(segments, markers, rest, &owned);
+    let glued = (markers, rest);
+    let exact = exact_mode(mesh, segments, glued, &memberships, &skin, &by_surface, options)?;
 
     let fields = skin.biharmonic(markers)?;
     let order = patches::by_parts(&by_surface, &segments.vertex_weights);
@@ -138,7 +139,7 @@ pub fn learn(
             normals: player.normals().to_vec(),
         }
     };
-    let at_rest = example(&rest);
+    let at_rest = example(&rest.to_vec());
     let examples: Vec<Example> = owned.iter().map(&mut example).collect();
     let most = options.collapsed_markers;
     let slots = collapsed::slots(&by_surface, &skin, &at_rest, &examples, &distances, most);
@@ -155,7 +156,11 @@ pub fn learn(
     })
 }
 
-fn check(mesh: &Mesh, markers: &[Glued], frames: &[Vec<DVec3>]) -> Result<(), PartsFitError> {
+fn check(
+    mesh: &Mesh,
+    (markers, rest): (&[Glued], &[DVec3]),
+    frames: &[Vec<DVec3>],
+) -> Result<(), PartsFitError> {
     let few = |what, found, needed, remedy| PartsFitError::TooFew {
         what,
         found,
@@ -169,6 +174,10 @@ fn check(mesh: &Mesh, markers: &[Glued], frames: &[Vec<DVec3>]) -> Result<(), Pa
     if frames.len() < FEWEST_FRAMES {
         let remedy = "give a longer take";
         return Err(few("frames", frames.len(), FEWEST_FRAMES, remedy));
+    }
+    if rest.len() != markers.len() {
+        let remedy = "give one for each marker";
+        return Err(few("rest positions", rest.len(), markers.len(), remedy));
     }
     let count = mesh.positions.len();
     for (at, marker) in markers.iter().enumerate() {
@@ -210,13 +219,12 @@ fn residuals(rig: &RigTables, frames: &[Vec<DVec3>]) -> Result<Vec<Vec<DVec3>>, 
 fn exact_mode(
     mesh: &Mesh,
     segments: &Segments,
-    markers: &[Glued],
+    (markers, rest): (&[Glued], &[DVec3]),
     memberships: &[Vec<(u32, f64)>],
     skin: &Skin,
     by_surface: &[u32],
     options: &Options,
 ) -> Result<ModeData, PartsFitError> {
-    let rest: Vec<DVec3> = markers.iter().map(|m| m.on(&mesh.positions)).collect();
     let values: Vec<Vec<f64>> = (0..segments.part_count())
         .map(|part| {
             let of = |row: &Vec<(u32, f64)>| {
@@ -249,6 +257,6 @@ fn exact_mode(
     }
     let order = patches::by_parts(by_surface, &vertex_weights);
     let blocks = patches::tables(order, &vertex_weights, &mesh.positions, &mesh.normals);
-    let modes = exact::tables(&blocks, skin, memberships, &rest, &fields, options.ridge);
+    let modes = exact::tables(&blocks, skin, memberships, rest, &fields, options.ridge);
     Ok(ModeData::Exact { blocks, modes })
 }

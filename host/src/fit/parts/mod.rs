@@ -9,13 +9,17 @@
 //! | [`segments`] | a rig, or labels of vertices | parts with the weights of vertices |
 //! | [`weights`] | motion of markers | which parts a marker belongs to |
 //! | [`spread`] | the surface | biharmonic and harmonic weights of markers over vertices |
+//! | [`glue`] | a frame of markers | where they sit on the mesh |
 //! | [`rig`], [`hybrid`], [`exact`], [`collapsed`] | all of it | tables |
+//! | [`measure`](mod@measure) | all of it | errors on what was not seen |
 
 pub mod collapsed;
 mod error;
 pub mod exact;
+pub mod glue;
 pub mod hybrid;
 mod learn;
+pub mod measure;
 pub mod patches;
 pub mod player;
 pub mod rig;
@@ -28,7 +32,7 @@ pub use error::PartsFitError;
 pub use learn::{Learnt, Mode, Options, learn};
 pub use player::{MarkerPlayer, marker_frame};
 pub use segments::Segments;
-pub use tables::{BlockTables, ModeData, ModeTables, ModeView, RigTables, SlotTables};
+pub use tables::{BlockTables, ModeData, ModeTables, RigTables, SlotTables};
 
 use glam::DVec3;
 

@@ -1,20 +1,20 @@
 //! Runs a marker-driven skin in the core, on the host.
 
 use glam::DVec3;
-use sinew_core::asset::Dims;
+use sinew_core::asset::{Dims, MarkerMode, MarkerSkin};
 use sinew_core::deform::parts::{
     ExactBudget, ExactReport, ExactState, FollowReport, MarkerRig, PartFrames, PartsError, RigState,
     exact_state_len, rig_state_len, rig_workspace_len,
 };
 use sinew_core::deform::{Level, Output};
 
-use super::tables::{ModeData, ModeView, RigTables};
+use super::tables::{ModeData, RigTables};
 
 /// A skin with its memory and its output, in the source mesh's vertex order.
 #[derive(Debug)]
 pub struct MarkerPlayer<'t> {
     rig: MarkerRig<'t>,
-    mode: ModeView<'t>,
+    mode: MarkerMode<'t>,
     budget: ExactBudget,
     level: Level,
     state: RigState<Vec<f32>>,
@@ -32,17 +32,27 @@ impl<'t> MarkerPlayer<'t> {
     /// # Errors
     /// Tables that the core refuses.
     pub fn new(rig: &'t RigTables, mode: &'t ModeData) -> Result<Self, PartsError> {
-        let vertices = mode.order().len();
         let rig = rig.rig()?;
+        let mode = mode.view((rig.part_count(), rig.marker_count()))?;
+        Ok(Self::of(MarkerSkin { rig, mode }))
+    }
+
+    /// Memory for the skin of an asset.
+    #[must_use]
+    pub fn of(MarkerSkin { rig, mode }: MarkerSkin<'t>) -> Self {
         let (parts, markers) = (rig.part_count(), rig.marker_count());
-        let mode = mode.view((parts, markers))?;
+        let vertices = match &mode {
+            MarkerMode::Collapsed(skin) => skin.order().len(),
+            MarkerMode::Hybrid(skin) => skin.part_blocks().order.len(),
+            MarkerMode::Exact(skin) => skin.tables().blocks.order.len(),
+        };
         let (members, scratch) = match &mode {
-            ModeView::Exact(exact) => {
+            MarkerMode::Exact(exact) => {
                 (exact.tables().member_markers.len(), exact.workspace_len())
             }
             _ => (0, 0),
         };
-        Ok(Self {
+        Self {
             rig,
             mode,
             budget: ExactBudget::UNLIMITED,
@@ -54,7 +64,7 @@ impl<'t> MarkerPlayer<'t> {
             positions: vec![[0.0; 3]; vertices],
             normals: vec![[0.0; 3]; vertices],
             report: Default::default(),
-        })
+        }
     }
 
     /// The same with another budget of the exact mode.
@@ -90,17 +100,17 @@ impl<'t> MarkerPlayer<'t> {
         let all = 0..usize::MAX;
         self.report.0 = followed.report;
         match &self.mode {
-            ModeView::Collapsed(skin) => {
+            MarkerMode::Collapsed(skin) => {
                 skin.blocks(followed.positions, all, self.level, &mut output);
             }
-            ModeView::Hybrid(skin) => {
+            MarkerMode::Hybrid(skin) => {
                 let frames = PartFrames {
                     palette: followed.palette,
                     duals: followed.duals,
                 };
                 skin.blocks(&frames, followed.residuals, all, self.level, &mut output);
             }
-            ModeView::Exact(skin) => {
+            MarkerMode::Exact(skin) => {
                 let (state, workspace) = (&mut self.exact_state, &mut self.exact_workspace);
                 let handles = skin
                     .handles(&followed, self.budget, state, workspace)
@@ -109,6 +119,17 @@ impl<'t> MarkerPlayer<'t> {
                 skin.blocks(&handles, all, self.level, &mut output);
             }
         }
+    }
+
+    /// Multiplications of a frame with normals; an upper bound for any input.
+    #[must_use]
+    pub fn multiply_adds(&self) -> usize {
+        let blocks = match &self.mode {
+            MarkerMode::Collapsed(skin) => skin.multiply_adds(),
+            MarkerMode::Hybrid(skin) => skin.multiply_adds(),
+            MarkerMode::Exact(skin) => skin.multiply_adds(),
+        };
+        self.rig.multiply_adds() + blocks
     }
 
     /// Metres, `[vertices]`.

@@ -1,6 +1,6 @@
 //! Owned tables of a marker-driven skin; the core's views borrow them.
 
-use sinew_core::asset::{LANES, Lanes3};
+use sinew_core::asset::{LANES, Lanes3, MarkerMode};
 use sinew_core::deform::parts::{
     Collapsed, Exact, ExactTables, Hybrid, MarkerRig, MarkerRigTables, MarkerSlots, PartBlocks,
     PartsError,
@@ -136,26 +136,17 @@ pub enum ModeData {
     },
 }
 
-/// A mode in the core, checked.
-#[derive(Clone, Copy, Debug)]
-#[expect(missing_docs, reason = "named as in ModeData")]
-pub enum ModeView<'t> {
-    Collapsed(Collapsed<'t>),
-    Hybrid(Hybrid<'t>),
-    Exact(Exact<'t>),
-}
-
 impl ModeData {
     /// The core's view, checked, for a rig of so many parts and markers.
     ///
     /// # Errors
     /// What the core refuses.
-    pub fn view(&self, (parts, markers): (usize, usize)) -> Result<ModeView<'_>, PartsError> {
+    pub fn view(&self, (parts, markers): (usize, usize)) -> Result<MarkerMode<'_>, PartsError> {
         Ok(match self {
             Self::Collapsed { order, slots } => {
-                ModeView::Collapsed(Collapsed::new_checked(order, slots.view(), markers)?)
+                MarkerMode::Collapsed(Collapsed::new_checked(order, slots.view(), markers)?)
             }
-            Self::Hybrid { blocks, slots } => ModeView::Hybrid(Hybrid::new_checked(
+            Self::Hybrid { blocks, slots } => MarkerMode::Hybrid(Hybrid::new_checked(
                 blocks.view(),
                 slots.view(),
                 (parts, markers),
@@ -173,7 +164,7 @@ impl ModeData {
                     member_inverse: &modes.member_inverse,
                     smoothing: modes.smoothing,
                 };
-                ModeView::Exact(Exact::new_checked(tables, markers)?)
+                MarkerMode::Exact(Exact::new_checked(tables, markers)?)
             }
         })
     }
