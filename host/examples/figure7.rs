@@ -10,6 +10,9 @@ use std::time::Instant;
 
 use glam::DVec3;
 use sinew_core::deform::parts::ExactBudget;
+use sinew_host::fit::parts::corrective_skin::{
+    CorrectivePlayer, CorrectiveSkin, Performed, core_palette, learn_skin, palette,
+};
 use sinew_host::fit::parts::{Glued, Learnt, Mode, Options, Segments, learn, marker_frame};
 use sinew_host::fit::{self, Correspondence, retarget};
 use sinew_host::import::gltf::read_gltf;
@@ -41,7 +44,9 @@ fn main() -> Result<(), Failure> {
         }
         let (motion, _) = Motion::new(read_bvh(&std::fs::read(&path)?, "motion")?, "motion")?;
         let map = Correspondence::new(&motion.skeleton, &body.skeleton, &[])?;
-        Ok(Some(retarget(&motion, &body.skeleton, &map, &fit::Options::default())?.clip))
+        Ok(Some(
+            retarget(&motion, &body.skeleton, &map, &fit::Options::default())?.clip,
+        ))
     };
     let learnt_from = [
         clip("examples/data/kneel.bvh")?,
@@ -62,11 +67,22 @@ fn main() -> Result<(), Failure> {
         })
         .collect();
     let segments = Segments::of_rig(&body, &glued);
-    println!("{} parts: {}", segments.part_count(), segments.names.join(", "));
+    println!(
+        "{} parts: {}",
+        segments.part_count(),
+        segments.names.join(", ")
+    );
 
     let mut frames = Vec::new();
     for clip in learnt_from.iter().flatten() {
-        let film = Body::new(&body, clip, Scene { rate: 60.0, ..Scene::default() })?;
+        let film = Body::new(
+            &body,
+            clip,
+            Scene {
+                rate: 60.0,
+                ..Scene::default()
+            },
+        )?;
         let step = (film.frame_count() / 120).max(1);
         for frame in (0..film.frame_count()).step_by(step) {
             frames.push(set.positions(&film.surface(frame)));
@@ -77,15 +93,32 @@ fn main() -> Result<(), Failure> {
         frames: 240,
         ..Options::default()
     };
-    let rest: Vec<DVec3> = glued.iter().map(|marker| marker.on(&body.mesh.positions)).collect();
+    let rest: Vec<DVec3> = glued
+        .iter()
+        .map(|marker| marker.on(&body.mesh.positions))
+        .collect();
     let learnt = learn(&body.mesh, &segments, (&glued, &rest), &frames, &options)?;
-    println!("learnt from {} frames in {:.1} s", frames.len(), start.elapsed().as_secs_f64());
+    println!(
+        "learnt from {} frames in {:.1} s",
+        frames.len(),
+        start.elapsed().as_secs_f64()
+    );
 
     let mut truth = Vec::new();
     for clip in held_out.iter().flatten() {
-        truth.extend(windows(&Body::new(&body, clip, Scene { rate: 60.0, ..Scene::default() })?));
+        truth.extend(windows(&Body::new(
+            &body,
+            clip,
+            Scene {
+                rate: 60.0,
+                ..Scene::default()
+            },
+        )?));
     }
-    println!("{} held-out frames\n", truth.iter().map(Vec::len).sum::<usize>());
+    println!(
+        "{} held-out frames\n",
+        truth.iter().map(Vec::len).sum::<usize>()
+    );
     for noise in [0.0, 0.5e-3] {
         println!("marker noise {:.1} mm", 1e3 * noise);
         println!(
@@ -101,15 +134,238 @@ fn main() -> Result<(), Failure> {
         }
         println!();
     }
-    let _ = out;
+    correctives(
+        &body,
+        &segments,
+        (&glued, &rest),
+        &set,
+        &learnt_from,
+        &held_out,
+    )?;
+    speed(&learnt, &body, &set.positions(&truth[0][0]))?;
+    if let Some(folder) = out {
+        sheets(&learnt, &body, &truth, &set, &folder)?;
+    }
     Ok(())
+}
+
+/// What correctives leave of the error of the skeleton alone, on motion held out.
+fn correctives(
+    body: &Avatar,
+    segments: &Segments,
+    glued: (&[Glued], &[DVec3]),
+    set: &MarkerSet,
+    learnt_from: &[Option<Clip>],
+    held_out: &[Option<Clip>],
+) -> Result<(), Failure> {
+    let scene = Scene {
+        rate: 60.0,
+        ..Scene::default()
+    };
+    let mut performances = Vec::new();
+    for clip in learnt_from.iter().flatten() {
+        let film = Body::new(body, clip, scene)?;
+        let frames = 0..film.frame_count().min(900);
+        performances.push(Performed {
+            rate: 60.0,
+            poses: frames.clone().map(|frame| film.pose(frame)).collect(),
+            markers: frames
+                .map(|frame| set.positions(&film.surface(frame)))
+                .collect(),
+        });
+    }
+    for most in [4, 8] {
+        let skin = learn_skin(body, segments, glued, &performances, most)?;
+        println!(
+            "correctives: {} terms, springs {:.0?} rad/s, {:.1} markers a block",
+            skin.data.features.len(),
+            skin.data.springs,
+            skin.slots.markers_a_block()
+        );
+        let (mut alone, mut with, mut count) = (0.0, 0.0, 0.0);
+        let mut time = [Vec::new(), Vec::new()];
+        let bare = CorrectiveSkin {
+            slots: sinew_host::fit::parts::SlotTables {
+                starts: vec![0; skin.slots.starts.len()],
+                ..Default::default()
+            },
+            ..skin.clone()
+        };
+        for clip in held_out.iter().flatten() {
+            let film = Body::new(body, clip, scene)?;
+            let binds = body.skin.binds.len();
+            let mut player = CorrectivePlayer::new(&skin, binds)?;
+            let mut skeleton = CorrectivePlayer::new(&bare, binds)?;
+            for frame in 0..film.frame_count().min(360) {
+                let palette = core_palette(&palette(body, &film.pose(frame)));
+                for (player, time) in [&mut player, &mut skeleton].into_iter().zip(&mut time) {
+                    let start = Instant::now();
+                    player.step(&palette, 1.0 / 60.0);
+                    time.push(start.elapsed().as_secs_f64());
+                }
+                if frame % 6 != 0 {
+                    continue;
+                }
+                let truth = film.surface(frame).positions;
+                let bones = film.skeleton_surface(frame).positions;
+                for ((truth, bones), found) in truth.iter().zip(&bones).zip(player.positions()) {
+                    alone += truth.distance(*bones);
+                    with += truth.distance(DVec3::from_array(found.map(f64::from)));
+                    count += 1.0;
+                }
+            }
+        }
+        let [with_time, bare_time] = time.map(median);
+        println!(
+            "  skeleton alone {:.2} mm, with correctives {:.2} mm: {:.0} % removed, at {:.2} x its cost\n",
+            1e3 * alone / count,
+            1e3 * with / count,
+            100.0 * (1.0 - with / alone),
+            with_time / bare_time
+        );
+    }
+    Ok(())
+}
+
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Time of a frame on one core, against a plain loop of eight influences over the same mesh.
+fn speed(learnt: &Learnt, body: &Avatar, markers: &[DVec3]) -> Result<(), Failure> {
+    use sinew_core::deform::{Output, PlainMesh, skin_plain};
+    let count = body.mesh.positions.len();
+    let (rest, normals) = (
+        marker_frame(&body.mesh.positions),
+        marker_frame(&body.mesh.normals),
+    );
+    let binds: Vec<u16> = (0..8 * count)
+        .map(|k| ((k % 8 + k / 4000) % 31) as u16)
+        .collect();
+    let weights = vec![0.125; 8 * count];
+    let mesh = PlainMesh::new(&rest, &normals, &binds, &weights, 8)?;
+    let palette = vec![sinew_core::math::IDENTITY; 31];
+    let dims = sinew_core::asset::Dims {
+        vertex_count: count,
+        ..Default::default()
+    };
+    let (mut positions, mut turned) = (vec![0.0; 3 * count], vec![0.0; 3 * count]);
+    let frame = marker_frame(markers);
+    let mut times = vec![Vec::new(); 4];
+    let mut players = [Mode::Collapsed, Mode::Hybrid, Mode::Exact]
+        .map(|mode| learnt.player(mode).expect("sound"));
+    for _ in 0..41 {
+        let start = Instant::now();
+        let mut output = Output::separate(&dims, &mut positions, Some(&mut turned))?;
+        skin_plain(&mesh, &palette, &mut output);
+        times[0].push(start.elapsed().as_secs_f64());
+        for (player, times) in players.iter_mut().zip(&mut times[1..]) {
+            let start = Instant::now();
+            player.step(&frame);
+            times.push(start.elapsed().as_secs_f64());
+        }
+    }
+    let times: Vec<f64> = times.into_iter().map(median).collect();
+    let share = 54_000.0 / body.mesh.triangles.len() as f64;
+    println!(
+        "one core, {} triangles; frames a second for 54,000 triangles:",
+        body.mesh.triangles.len()
+    );
+    for (name, time) in ["8 influences, plain", "collapsed", "hybrid", "exact"]
+        .iter()
+        .zip(&times)
+    {
+        println!(
+            "  {name:20} {:7.3} ms  {:5.2} x  {:6.0} fps",
+            1e3 * time,
+            time / times[0],
+            1.0 / (time * share)
+        );
+    }
+    Ok(())
+}
+
+/// Contact sheets: every mode beside the truth, coloured by error from 0 to 10 mm.
+fn sheets(
+    learnt: &Learnt,
+    body: &Avatar,
+    truth: &[Vec<Surface>],
+    set: &MarkerSet,
+    folder: &Path,
+) -> Result<(), Failure> {
+    use sinew_host::export::png::{contact_sheet, write_png};
+    use sinew_host::export::render::{Bounds, Camera, Colors, Mesh, Quality, Scene, render};
+    std::fs::create_dir_all(folder)?;
+    for (view, yaw) in [("front", 0.5), ("back", 3.6)] {
+        let (mut images, mut captions) = (Vec::new(), Vec::new());
+        for run in truth.iter().step_by(5).take(4) {
+            let surface = &run[run.len() / 2];
+            let flat: Vec<[f32; 3]> = marker_frame(&surface.positions);
+            let bounds = Bounds::of(&flat);
+            let camera = Camera::framing(bounds, yaw, 0.15, 1.0);
+            for (name, mode, budget) in MODES {
+                let mut player = learnt.player(mode)?.with_budget(budget);
+                for surface in run {
+                    player.step(&marker_frame(&set.positions(surface)));
+                }
+                let last = run.last().ok_or("an empty run")?;
+                let colors: Vec<[u8; 3]> = player
+                    .positions()
+                    .iter()
+                    .zip(&last.positions)
+                    .map(|(a, b)| heat(1e2 * DVec3::from_array(a.map(f64::from)).distance(*b)))
+                    .collect();
+                let scene = Scene {
+                    meshes: vec![Mesh {
+                        positions: player.positions(),
+                        normals: Some(player.normals()),
+                        triangles: &body.mesh.triangles,
+                        colors: Colors::PerVertex(&colors),
+                    }],
+                    ..Scene::default()
+                };
+                images.push(render(&scene, &camera, 360, 360, Quality::default()));
+                captions.push(name);
+            }
+        }
+        let path = folder.join(format!("modes_{view}.png"));
+        write_png(&path, &contact_sheet(&images, MODES.len(), &captions))?;
+        println!("wrote {}", path.display());
+    }
+    Ok(())
+}
+
+/// Grey at nothing, yellow at half, red at one and above.
+fn heat(share: f64) -> [u8; 3] {
+    let share = share.clamp(0.0, 1.0);
+    let mix = |a: f64, b: f64, t: f64| (a + (b - a) * t) as u8;
+    if share < 0.5 {
+        let t = 2.0 * share;
+        [
+            mix(190.0, 250.0, t),
+            mix(190.0, 210.0, t),
+            mix(190.0, 40.0, t),
+        ]
+    } else {
+        let t = 2.0 * share - 1.0;
+        [
+            mix(250.0, 210.0, t),
+            mix(210.0, 20.0, t),
+            mix(40.0, 20.0, t),
+        ]
+    }
 }
 
 const MODES: [(&str, Mode, ExactBudget); 6] = [
     ("rigid", Mode::Exact, budget(false, 0)),
     ("quadratic", Mode::Exact, budget(true, 0)),
     ("rigid + residual", Mode::Exact, budget(false, usize::MAX)),
-    ("quadratic + residual", Mode::Exact, budget(true, usize::MAX)),
+    (
+        "quadratic + residual",
+        Mode::Exact,
+        budget(true, usize::MAX),
+    ),
     ("collapsed", Mode::Collapsed, ExactBudget::UNLIMITED),
     ("hybrid", Mode::Hybrid, ExactBudget::UNLIMITED),
 ];
@@ -129,7 +385,9 @@ fn windows(body: &Body<'_>) -> Vec<Vec<Surface>> {
     (0..runs)
         .map(|run| {
             let first = room * run / (runs - 1);
-            (first..first + RUN).map(|frame| body.surface(frame)).collect()
+            (first..first + RUN)
+                .map(|frame| body.surface(frame))
+                .collect()
         })
         .collect()
 }
@@ -177,7 +435,11 @@ fn measure(
                 .collect();
             errors.extend(off.iter().map(|d| 1e3 * d.length()));
             let glued = set.positions(&found).into_iter();
-            markers.extend(glued.zip(set.positions(surface)).map(|(a, b)| 1e3 * a.distance(b)));
+            markers.extend(
+                glued
+                    .zip(set.positions(surface))
+                    .map(|(a, b)| 1e3 * a.distance(b)),
+            );
             let pairs = found.normals.iter().zip(&surface.normals);
             turns.extend(pairs.map(|(a, b)| a.angle_between(*b).to_degrees()));
             last.push(off);

@@ -61,6 +61,8 @@ pub enum SectionKind {
     MarkerNames = u32::from_le_bytes(*b"PNAM"),
     /// `u16 [parts]`: parent of each near-rigid part, or [`NO_PARENT`].
     PartParents = u32::from_le_bytes(*b"PPAR"),
+    /// `f32 [parts x 4]`: the joint that holds each part to its parent, and its weight.
+    PartPivots = u32::from_le_bytes(*b"PPIV"),
     /// `u32 [parts + 1]`: first member of each part.
     MemberStarts = u32::from_le_bytes(*b"PMST"),
     /// `u16 [members]`: markers that fix part frames.
@@ -115,7 +117,7 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 52] = [
+    pub const ALL: [Self; 53] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -143,6 +145,7 @@ impl SectionKind {
         Self::MarkerRest,
         Self::MarkerNames,
         Self::PartParents,
+        Self::PartPivots,
         Self::MemberStarts,
         Self::MemberMarkers,
         Self::MemberWeights,

@@ -82,6 +82,7 @@ impl MarkerSkinDims {
             K::MarkerRest => (self.marker_count, 12),
             K::MarkerNames => (self.marker_count, 8),
             K::PartParents => (self.part_count, 2),
+            K::PartPivots => (self.part_count, 16),
             K::MemberStarts => (starts(self.part_count), 4),
             K::MemberMarkers => (self.member_count, 2),
             K::MemberWeights => (self.member_count, 4),
@@ -94,9 +95,14 @@ impl MarkerSkinDims {
             K::PartSlotStarts => (if parts_move { starts(blocks) } else { 0 }, 4),
             K::PartSlotParts => (self.part_slot_count, 2),
             K::PartSlotWeights => (self.part_slot_count, 16),
-            K::PartSlotGradients => {
-                (if self.mode == EXACT { self.part_slot_count } else { 0 }, 64)
-            }
+            K::PartSlotGradients => (
+                if self.mode == EXACT {
+                    self.part_slot_count
+                } else {
+                    0
+                },
+                64,
+            ),
             K::MarkerSlotStarts => (if markers_move { starts(blocks) } else { 0 }, 4),
             K::MarkerSlotMarkers => (self.marker_slot_count, 2),
             K::MarkerSlotShares => (self.marker_slot_count, 96),
@@ -112,7 +118,11 @@ impl MarkerSkinDims {
     }
 
     const fn exact_parts(&self) -> usize {
-        if self.mode == EXACT { self.part_count } else { 0 }
+        if self.mode == EXACT {
+            self.part_count
+        } else {
+            0
+        }
     }
 }
 

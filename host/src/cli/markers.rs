@@ -7,9 +7,9 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use sinew_core::asset::Asset;
 
+use super::Failure;
 use super::load::{self, Reading};
 use super::say::{Say, thousands};
-use super::Failure;
 use crate::bake::write::MarkerSkinData;
 use crate::fit::parts::measure::{Score, into_mode, measure, recommended};
 use crate::fit::parts::{Mode, Options, Segments, glue, learn};
@@ -81,7 +81,10 @@ impl FromMarkers {
         ));
         let segments = Segments::of_rig(body, &fitted.glued);
         let parts = segments.names.join(", ");
-        say.line(format!("{} near-rigid parts: {parts}", segments.part_count()));
+        say.line(format!(
+            "{} near-rigid parts: {parts}",
+            segments.part_count()
+        ));
         let positions: Vec<Vec<DVec3>> = frames.into_iter().map(|frame| frame.1).collect();
         let glued = (&fitted.glued[..], &fitted.rest[..]);
         let options = Options::default();

@@ -63,11 +63,21 @@ fn frames(rig: &RigTables, markers: &[DVec3]) -> Vec<DAffine3> {
             let weight = f64::from(rig.member_weights[at]);
             (vector(rig.rest[marker]), markers[marker], weight)
         });
-        let fitted = Rigid::fit(pairs).map(|motion| DAffine3 {
+        let parent = out.get(usize::from(rig.parents[part])).copied();
+        // The joint, and points beside it that turn as the parent does.
+        let held = parent.iter().flat_map(|above| {
+            let [x, y, z, weight] = rig.pivots[part].map(f64::from);
+            let at = DVec3::new(x, y, z);
+            [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z].map(|axis| {
+                let share = if axis == DVec3::ZERO { 1.0 } else { 0.01 };
+                let from = at + 0.1 * axis;
+                (from, above.transform_point3(from), share * weight)
+            })
+        });
+        let fitted = Rigid::fit(pairs.chain(held)).map(|motion| DAffine3 {
             matrix3: motion.rotation,
             translation: motion.translation,
         });
-        let parent = out.get(usize::from(rig.parents[part])).copied();
         out.push(fitted.or(parent).unwrap_or(DAffine3::IDENTITY));
     }
     out
@@ -217,9 +227,8 @@ impl Part {
     /// Equation 8.
     fn point(&self, rest: DVec3) -> DVec3 {
         let moved = self.transformed(self.to_local.transform_point3(rest));
-        let residual = |(centre, weight): &(DVec3, DVec3)| {
-            *weight * self.value(moved.distance(*centre))
-        };
+        let residual =
+            |(centre, weight): &(DVec3, DVec3)| *weight * self.value(moved.distance(*centre));
         moved + self.basis.iter().map(residual).sum::<DVec3>()
     }
 }
@@ -256,9 +265,7 @@ fn vector(v: [f32; 3]) -> DVec3 {
 fn affine(rows: &[f32; 12]) -> DAffine3 {
     let m = rows.map(f64::from);
     DAffine3 {
-        matrix3: DMat3::from_cols_array(&[
-            m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10],
-        ]),
+        matrix3: DMat3::from_cols_array(&[m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10]]),
         translation: DVec3::new(m[3], m[7], m[11]),
     }
 }

@@ -60,6 +60,7 @@ pub(super) fn check<'a>(
         rig: MarkerRigTables {
             rest: sections.view(K::MarkerRest)?,
             parents: sections.view(K::PartParents)?,
+            pivots: sections.view(K::PartPivots)?,
             member_starts: sections.view(K::MemberStarts)?,
             member_markers: sections.view(K::MemberMarkers)?,
             member_weights: sections.view(K::MemberWeights)?,

@@ -92,7 +92,15 @@ impl<'a> Collapsed<'a> {
         level: Level,
         output: &mut Output<'_>,
     ) {
-        run(&Stream { skin: self, positions }, blocks, level, output);
+        run(
+            &Stream {
+                skin: self,
+                positions,
+            },
+            blocks,
+            level,
+            output,
+        );
     }
 }
 
@@ -115,7 +123,9 @@ impl Kernel for Stream<'_, '_> {
                 if wants_normals {
                     let mut sums = [[zero; 3]; 3];
                     let at = (block, first);
-                    self.skin.slots.add_all(token, self.positions, at, &mut sums);
+                    self.skin
+                        .slots
+                        .add_all(token, self.positions, at, &mut sums);
                     let [position, along, across] = sums;
                     store.positions(block, first, position);
                     let normal = cross(along, across);

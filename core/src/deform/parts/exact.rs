@@ -326,11 +326,7 @@ fn dot<L: Lanes>([a, b, c]: [L; 3], [x, y, z]: [L; 3]) -> L {
 
 /// How the quadratic terms at a point change along a tangent.
 #[inline(always)]
-fn change<L: Lanes>(
-    [x, y, z]: [L; 3],
-    [x2, y2, z2]: [L; 3],
-    [a, b, c]: [L; 3],
-) -> [[L; 3]; 3] {
+fn change<L: Lanes>([x, y, z]: [L; 3], [x2, y2, z2]: [L; 3], [a, b, c]: [L; 3]) -> [[L; 3]; 3] {
     [
         [a, b, c],
         [x2.mul(a), y2.mul(b), z2.mul(c)],

@@ -150,13 +150,18 @@ impl Exact<'_> {
             weights.fill([0.0; 3]);
         }
         let mut report = ExactReport::default();
-        let first = if state.next_part < parts { state.next_part } else { 0 };
+        let first = if state.next_part < parts {
+            state.next_part
+        } else {
+            0
+        };
         for turn in 0..parts {
             // Parts whose turn it is come first, so the budget reaches everyone.
             let part = (first + turn) % parts.max(1);
             let frame = followed.palette.get(part).unwrap_or(&IDENTITY);
             let range = row(self.tables.member_starts, part);
-            let (Some(map), Some(out)) = (maps.get_mut(part), members.get_mut(range.clone())) else {
+            let (Some(map), Some(out)) = (maps.get_mut(part), members.get_mut(range.clone()))
+            else {
                 continue;
             };
             *map = self.map(part, frame, followed.positions, budget.quadratic);

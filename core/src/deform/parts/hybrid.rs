@@ -146,7 +146,9 @@ impl<B: Blend> Kernel for Stream<'_, '_, B> {
                     normal = rest.normal(token, block, first);
                     let [along, across] = tangents(token, normal);
                     let mut sums = [position, along, across];
-                    self.skin.slots.add_all(token, self.residuals, at, &mut sums);
+                    self.skin
+                        .slots
+                        .add_all(token, self.residuals, at, &mut sums);
                     let [displaced, along, across] = sums;
                     position = displaced;
                     normal = cross(along, across);

@@ -8,10 +8,13 @@
 //! - [`Exact`]: the paper's quadratic transformation and radial-basis residual of each part, solved
 //!   each frame.
 //!
+//! [`Corrective`] predicts the residuals of the hybrid mode where there are no markers.
+//!
 //! In every mode the normal of a vertex follows from two tangents that move with it; no mode looks
 //! at triangles.
 
 mod collapsed;
+mod corrective;
 mod error;
 mod exact;
 mod exact_frame;
@@ -22,6 +25,7 @@ mod slots;
 use super::lanes::Lanes;
 
 pub use collapsed::Collapsed;
+pub use corrective::{Corrective, CorrectiveState, CorrectiveTables, PART_FEATURES};
 pub use error::{PartsError, PartsTable};
 pub use exact::{Exact, ExactTables};
 pub use exact_frame::{

@@ -22,6 +22,14 @@ use crate::solve::dense::{Pair, Rigid, absolute_orientation};
 /// Positions beyond this are damage, metres.
 const FAR: f32 = 1e6;
 
+/// Points this far from a pivot, metres, turn as the parent does, and count for this part of it:
+/// enough to decide what one marker leaves open, too little to hold back what several say.
+const TURN_REACH: f32 = 0.1;
+const TURN_WEIGHT: f32 = 0.01;
+
+/// Fits after the first where markers are out of place.
+const REFITS: usize = 2;
+
 /// Tables that lead from markers to part frames.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MarkerRigTables<'a> {
@@ -29,6 +37,9 @@ pub struct MarkerRigTables<'a> {
     pub rest: &'a [[f32; 3]],
     /// `[parts]`: parent, before the part itself, or [`NO_PARENT`].
     pub parents: &'a [u16],
+    /// `[parts]`: the joint that holds a part to its parent, in the rest pose, metres; then how much
+    /// it counts. It lets one or two markers turn a hand.
+    pub pivots: &'a [[f32; 4]],
     /// `[parts + 1]`: first member of each part.
     pub member_starts: &'a [u32],
     /// Markers that fix a part's frame.
@@ -135,10 +146,7 @@ impl<'a> MarkerRig<'a> {
     /// The first fault, with its place.
     pub fn new_checked(tables: MarkerRigTables<'a>) -> Result<Self, PartsError> {
         let (markers, parts) = (tables.rest.len(), tables.parents.len());
-        for (table, found) in [
-            (PartsTable::Markers, markers),
-            (PartsTable::Parents, parts),
-        ] {
+        for (table, found) in [(PartsTable::Markers, markers), (PartsTable::Parents, parts)] {
             if !(1..=usize::from(u16::MAX)).contains(&found) {
                 let needed = 1;
                 return Err(PartsError::Length {
@@ -155,16 +163,30 @@ impl<'a> MarkerRig<'a> {
             }
         }
         numbers(PartsTable::Markers, tables.rest.as_flattened(), FAR)?;
+        length(PartsTable::Parents, tables.pivots.len(), parts)?;
+        numbers(PartsTable::Parents, tables.pivots.as_flattened(), FAR)?;
+        if let Some(at) = tables.pivots.iter().position(|pivot| pivot[3] < 0.0) {
+            let table = PartsTable::Parents;
+            return Err(PartsError::Number { table, at });
+        }
         let wide = |&at: &u16| usize::from(at);
         let count = tables.member_markers.len();
         length(PartsTable::Members, tables.member_weights.len(), count)?;
         starts(tables.member_starts, parts, count)?;
-        below(PartsTable::Members, tables.member_markers.iter().map(wide), markers)?;
+        below(
+            PartsTable::Members,
+            tables.member_markers.iter().map(wide),
+            markers,
+        )?;
         share(PartsTable::Members, tables.member_weights)?;
         let count = tables.carrier_parts.len();
         length(PartsTable::Carriers, tables.carrier_weights.len(), count)?;
         starts(tables.carrier_starts, markers, count)?;
-        below(PartsTable::Carriers, tables.carrier_parts.iter().map(wide), parts)?;
+        below(
+            PartsTable::Carriers,
+            tables.carrier_parts.iter().map(wide),
+            parts,
+        )?;
         share(PartsTable::Carriers, tables.carrier_weights)?;
         for at in 0..markers {
             let weights = tables.carrier_weights.get(row(tables.carrier_starts, at));
@@ -202,9 +224,8 @@ impl<'a> MarkerRig<'a> {
     /// Multiplications of [`Self::follow`]; an upper bound for any input.
     #[must_use]
     pub fn multiply_adds(&self) -> usize {
-        // A pair goes through two passes; a 4 x 4 eigenproblem has 36 rotations of 40 each.
-        24 * self.tables.member_markers.len()
-            + 1_800 * self.part_count()
+        // A pair goes through two passes and a look; an eigenproblem has 36 rotations of 40 each.
+        (1 + REFITS) * (40 * self.tables.member_markers.len() + 2_000 * self.part_count())
             + 60 * self.marker_count()
             + 9 * self.tables.carrier_parts.len()
     }
@@ -248,7 +269,8 @@ impl<'a> MarkerRig<'a> {
         let mut report = FollowReport::default();
         for part in 0..parts {
             let before = frames.get(part).map_or(Rigid::REST, unpack);
-            let now = self.fit(part, positions).unwrap_or_else(|| {
+            let above = self.above(part, duals);
+            let now = self.fit(part, positions, above).unwrap_or_else(|| {
                 report.held_parts += usize::from(!row(self.tables.member_starts, part).is_empty());
                 self.with_parent(part, &before, frames, duals)
             });
@@ -300,19 +322,68 @@ impl<'a> MarkerRig<'a> {
         })
     }
 
-    /// The frame of a part from its markers in sight.
-    fn fit(&self, part: usize, positions: &[[f32; 3]]) -> Option<Rigid> {
+    /// This frame's matrix of a part's parent.
+    fn above(&self, part: usize, duals: &[Dual17]) -> Option<Affine12> {
+        let parent = self.tables.parents.get(part).copied()?;
+        let frame = from_dual(duals.get(usize::from(parent))?);
+        Some(affine(frame.rotation, frame.translation, [1.0; 3]))
+    }
+
+    /// The frame of a part from its markers in sight, held by its pivot, and as its parent turns
+    /// where both leave a turn open.
+    fn fit(&self, part: usize, positions: &[[f32; 3]], above: Option<Affine12>) -> Option<Rigid> {
         let range = row(self.tables.member_starts, part);
         let markers = self.tables.member_markers.get(range.clone())?;
         let weights = self.tables.member_weights.get(range)?;
         let rest = self.tables.rest;
-        absolute_orientation(markers.iter().zip(weights).filter_map(|(&marker, &weight)| {
-            let &from = rest.get(usize::from(marker))?;
-            let &to = positions
-                .get(usize::from(marker))
-                .filter(|position| usable(position))?;
-            Some(Pair { from, to, weight })
-        }))
+        let seen = markers
+            .iter()
+            .zip(weights)
+            .filter_map(|(&marker, &weight)| {
+                let &from = rest.get(usize::from(marker))?;
+                let &to = positions
+                    .get(usize::from(marker))
+                    .filter(|position| usable(position))?;
+                Some(Pair { from, to, weight })
+            });
+        // Without any marker the last frame is the better guess.
+        seen.clone().next()?;
+        let held = above.iter().flat_map(|above| {
+            let &[x, y, z, weight] = self.tables.pivots.get(part).unwrap_or(&[0.0; 4]);
+            let (far, open) = (TURN_REACH, TURN_WEIGHT * weight);
+            let pairs = [
+                ([x, y, z], weight),
+                ([x + far, y, z], open),
+                ([x, y + far, z], open),
+                ([x, y, z + far], open),
+            ];
+            pairs.map(|(from, weight)| Pair {
+                from,
+                to: transform_point(above, from),
+                weight,
+            })
+        });
+        let pairs = seen.chain(held);
+        let mut frame = absolute_orientation(pairs.clone())?;
+        // A marker far from where its part takes it is one that was taken for another: those count
+        // the less the further they are (Cauchy's weights), in two more fits at most.
+        let limit2 = self.tables.residual_limit * self.tables.residual_limit;
+        for _ in 0..REFITS {
+            let matrix = affine(frame.rotation, frame.translation, [1.0; 3]);
+            let off2 = |pair: &Pair| {
+                let [x, y, z] = less(transform_point(&matrix, pair.from), pair.to);
+                x * x + y * y + z * z
+            };
+            if pairs.clone().all(|pair| off2(&pair) <= limit2) {
+                break;
+            }
+            let weighed = pairs.clone().map(|pair| Pair {
+                weight: pair.weight * limit2 / (limit2 + off2(&pair) + 1e-12),
+                ..pair
+            });
+            frame = absolute_orientation(weighed)?;
+        }
+        Some(frame)
     }
 
     /// A part's last frame, moved as its parent has moved since.
@@ -346,7 +417,10 @@ impl<'a> MarkerRig<'a> {
         let parts = self.tables.carrier_parts.get(range.clone());
         let weights = self.tables.carrier_weights.get(range);
         let mut sum = [0.0_f32; 8];
-        let carriers = parts.unwrap_or_default().iter().zip(weights.unwrap_or_default());
+        let carriers = parts
+            .unwrap_or_default()
+            .iter()
+            .zip(weights.unwrap_or_default());
         for (&part, &weight) in carriers {
             let Some(dual) = duals.get(usize::from(part)) else {
                 continue;

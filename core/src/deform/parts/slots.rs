@@ -119,7 +119,11 @@ impl<'a> PartBlocks<'a> {
         below(table, of, part_count)?;
         for block in 0..blocks {
             let mut sums = [0_u32; LANES];
-            for weights in self.weights.get(row(self.starts, block)).unwrap_or_default() {
+            for weights in self
+                .weights
+                .get(row(self.starts, block))
+                .unwrap_or_default()
+            {
                 for (sum, &weight) in sums.iter_mut().zip(weights) {
                     *sum += u32::from(weight);
                 }

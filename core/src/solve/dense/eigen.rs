@@ -68,7 +68,8 @@ mod tests {
 
     #[test]
     fn known_values_of_a_coupled_pair() {
-        let (values, vectors) = symmetric_eigen([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 7.0]]);
+        let (values, vectors) =
+            symmetric_eigen([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 7.0]]);
         let mut sorted = values;
         sorted.sort_by(f32::total_cmp);
         for (found, known) in sorted.iter().zip([1.0, 3.0, 7.0]) {

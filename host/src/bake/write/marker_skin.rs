@@ -36,6 +36,7 @@ impl Writer {
         self.put(K::MarkerNames, names.as_flattened());
         self.put(K::MarkerRest, rig.rest.as_flattened());
         self.put(K::PartParents, &rig.parents);
+        self.put(K::PartPivots, rig.pivots.as_flattened());
         self.put(K::MemberStarts, &rig.member_starts);
         self.put(K::MemberMarkers, &rig.member_markers);
         self.put(K::MemberWeights, &rig.member_weights);

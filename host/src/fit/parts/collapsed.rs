@@ -232,9 +232,8 @@ fn point(example: &Example, vertex: usize) -> DVec3 {
 
 /// What the surface's tangents have become, over the ring of a vertex.
 fn tangents(skin: &Skin, example: &Example, vertex: usize) -> [DVec3; 2] {
-    let axes = [0, 1, 2].map(|axis| {
-        skin.derivative(vertex, |at| f64::from(example.positions[at][axis]))
-    });
+    let axes =
+        [0, 1, 2].map(|axis| skin.derivative(vertex, |at| f64::from(example.positions[at][axis])));
     [0, 1].map(|tangent| DVec3::from_array(axes.map(|slopes| slopes[tangent])))
 }
 

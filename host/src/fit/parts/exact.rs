@@ -113,7 +113,10 @@ fn gradients(
                 }
             }
         }
-        out.extend(rows.iter().map(|row| row.map(|lanes| lanes.map(|x| x as f32))));
+        out.extend(
+            rows.iter()
+                .map(|row| row.map(|lanes| lanes.map(|x| x as f32))),
+        );
     }
     out
 }

@@ -87,10 +87,11 @@ impl Motion {
     fn start(mesh: &Mesh, markers: &[DVec3], yaw: f64) -> Self {
         let turn = DMat3::from_rotation_y(yaw);
         let middle = |points: &[DVec3]| {
-            let (low, high) = points.iter().fold(
-                (DVec3::INFINITY, DVec3::NEG_INFINITY),
-                |(low, high), &p| (low.min(p), high.max(p)),
-            );
+            let (low, high) = points
+                .iter()
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| {
+                    (low.min(p), high.max(p))
+                });
             (low + high) / 2.0
         };
         let shift = middle(markers) - turn * middle(&mesh.positions);
@@ -210,6 +211,11 @@ mod tests {
         assert_eq!(at(-1.0, 0.25), [0.75, 0.0, 0.25]);
         assert_eq!(at(1.0, 1.0), [0.0, 0.5, 0.5]);
         let inside = at(0.25, 0.5);
-        assert!(inside.iter().zip([0.25, 0.25, 0.5]).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(
+            inside
+                .iter()
+                .zip([0.25, 0.25, 0.5])
+                .all(|(a, b)| (a - b).abs() < 1e-12)
+        );
     }
 }

@@ -121,7 +121,15 @@ pub fn learn(
 
     let memberships = weights::of_markers(segments, markers, rest, &owned);
     let glued = (markers, rest);
-    let exact = exact_mode(mesh, segments, glued, &memberships, &skin, &by_surface, options)?;
+    let exact = exact_mode(
+        mesh,
+        segments,
+        glued,
+        &memberships,
+        &skin,
+        &by_surface,
+        options,
+    )?;
 
     let fields = skin.biharmonic(markers)?;
     let order = patches::by_parts(&by_surface, &segments.vertex_weights);

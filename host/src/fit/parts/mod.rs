@@ -14,6 +14,8 @@
 //! | [`measure`](mod@measure) | all of it | errors on what was not seen |
 
 pub mod collapsed;
+pub mod corrective_skin;
+pub mod correctives;
 mod error;
 pub mod exact;
 pub mod glue;
@@ -46,6 +48,17 @@ pub struct Glued {
 }
 
 impl Glued {
+    /// Weights at the marker from those of vertices, heaviest first.
+    #[must_use]
+    pub fn weights_of(&self, of_vertices: &[Vec<(u32, f64)>]) -> Vec<(u32, f64)> {
+        let corners = self.vertices.iter().zip(self.weights);
+        segments::normalised(corners.flat_map(|(&vertex, share)| {
+            let row = &of_vertices[vertex as usize];
+            row.iter()
+                .map(move |&(part, weight)| (part, share * weight))
+        }))
+    }
+
     /// The glued point of a surface of the same mesh.
     #[must_use]
     pub fn on(&self, positions: &[DVec3]) -> DVec3 {

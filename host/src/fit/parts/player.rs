@@ -3,8 +3,8 @@
 use glam::DVec3;
 use sinew_core::asset::{Dims, MarkerMode, MarkerSkin};
 use sinew_core::deform::parts::{
-    ExactBudget, ExactReport, ExactState, FollowReport, MarkerRig, PartFrames, PartsError, RigState,
-    exact_state_len, rig_state_len, rig_workspace_len,
+    ExactBudget, ExactReport, ExactState, FollowReport, MarkerRig, PartFrames, PartsError,
+    RigState, exact_state_len, rig_state_len, rig_workspace_len,
 };
 use sinew_core::deform::{Level, Output};
 

@@ -3,15 +3,12 @@
 use glam::DVec3;
 
 use super::Glued;
-use crate::clean::linear::symmetric_eigen;
 use crate::model::Avatar;
 
-/// Markers that a part needs for a frame of its own.
+/// Markers that a root needs for a frame of its own; other parts are held by a joint too.
 const FEWEST_MARKERS: usize = 3;
 /// A marker counts for a part from this weight on.
 const BELONGS: f64 = 0.5;
-/// Markers of a part must spread this far, metres, in a second direction too.
-const SPREAD: f64 = 0.006;
 /// Most parts that move a vertex.
 const MOST_INFLUENCES: usize = 6;
 
@@ -22,6 +19,8 @@ pub struct Segments {
     pub names: Vec<String>,
     /// `[parts]`: the part that leads there, before the part itself.
     pub parents: Vec<Option<usize>>,
+    /// `[parts]`: the joint that holds the part to its parent, metres, where it is known.
+    pub pivots: Vec<Option<DVec3>>,
     /// `[vertices]`: (part, weight), heaviest first; weights sum to one.
     pub vertex_weights: Vec<Vec<(u32, f64)>>,
 }
@@ -33,22 +32,19 @@ impl Segments {
     pub fn of_rig(avatar: &Avatar, markers: &[Glued]) -> Self {
         let joints = &avatar.skeleton.joints;
         let binds = &avatar.skin.binds;
-        let rest: Vec<DVec3> = markers
-            .iter()
-            .map(|marker| marker.on(&avatar.mesh.positions))
-            .collect();
         let of_vertices: Vec<Vec<(u32, f64)>> = avatar
             .skin
             .influences
             .iter()
             .map(|row| {
-                let joint = |&(bind, weight): &(u32, f64)| (binds[bind as usize].joint as u32, weight);
+                let joint =
+                    |&(bind, weight): &(u32, f64)| (binds[bind as usize].joint as u32, weight);
                 row.iter().map(joint).collect()
             })
             .collect();
         let of_markers: Vec<Vec<(u32, f64)>> = markers
             .iter()
-            .map(|marker| glued_weights(marker, &of_vertices))
+            .map(|marker| marker.weights_of(&of_vertices))
             .collect();
         // Joints merge into their parents from the tips on.
         let mut into: Vec<usize> = (0..joints.len()).collect();
@@ -63,14 +59,36 @@ impl Segments {
                 let ours = row.iter().filter(|(at, _)| group.contains(&(*at as usize)));
                 ours.map(|(_, weight)| weight).sum()
             };
-            let ours: Vec<DVec3> = rest
+            let ours = of_markers
                 .iter()
-                .zip(&of_markers)
-                .filter(|(_, row)| weight(row) >= BELONGS)
-                .map(|(&at, _)| at)
-                .collect();
-            if ours.len() < FEWEST_MARKERS || second_spread(&ours) < SPREAD {
+                .filter(|row| weight(row) >= BELONGS)
+                .count();
+            if ours == 0 {
                 into[joint] = parent;
+            }
+        }
+        // A root with too little to be seen takes its first child's markers.
+        for joint in (0..joints.len()).rev() {
+            let owned = |at: usize| {
+                let own = |row: &&Vec<(u32, f64)>| {
+                    let ours = row.iter().filter(|w| root_of(&into, w.0 as usize) == at);
+                    ours.map(|w| w.1).sum::<f64>() >= BELONGS
+                };
+                of_markers.iter().filter(own).count()
+            };
+            if joints[joint].parent.is_none()
+                && into[joint] == joint
+                && owned(joint) < FEWEST_MARKERS
+            {
+                let child = (joint + 1..joints.len()).find(|&child| {
+                    into[child] == child
+                        && joints[child]
+                            .parent
+                            .is_some_and(|p| root_of(&into, p) == joint)
+                });
+                if let Some(child) = child {
+                    into[child] = joint;
+                }
             }
         }
         let kept: Vec<usize> = (0..joints.len())
@@ -81,11 +99,21 @@ impl Segments {
             kept.binary_search(&root).unwrap_or(0)
         };
         let of_parts = |row: &Vec<(u32, f64)>| {
-            normalised(row.iter().map(|&(joint, w)| (part(joint as usize) as u32, w)))
+            normalised(
+                row.iter()
+                    .map(|&(joint, w)| (part(joint as usize) as u32, w)),
+            )
         };
         Self {
             names: kept.iter().map(|&at| joints[at].name.clone()).collect(),
             parents: kept.iter().map(|&at| joints[at].parent.map(part)).collect(),
+            pivots: kept
+                .iter()
+                .map(|&at| {
+                    let bind = avatar.skin.binds.iter().find(|bind| bind.joint == at);
+                    bind.map(|bind| bind.inverse_bind.inverse().translation)
+                })
+                .collect(),
             vertex_weights: of_vertices.iter().map(of_parts).collect(),
         }
     }
@@ -95,6 +123,7 @@ impl Segments {
     #[must_use]
     pub fn of_labels(labels: &[u32], names: Vec<String>, parents: Vec<Option<usize>>) -> Self {
         Self {
+            pivots: vec![None; names.len()],
             names,
             parents,
             vertex_weights: labels.iter().map(|&label| vec![(label, 1.0)]).collect(),
@@ -110,7 +139,7 @@ impl Segments {
     /// The weights at a glued marker.
     #[must_use]
     pub fn at(&self, marker: &Glued) -> Vec<(u32, f64)> {
-        glued_weights(marker, &self.vertex_weights)
+        marker.weights_of(&self.vertex_weights)
     }
 }
 
@@ -119,15 +148,6 @@ fn root_of(into: &[usize], mut joint: usize) -> usize {
         joint = into[joint];
     }
     joint
-}
-
-fn glued_weights(marker: &Glued, of_vertices: &[Vec<(u32, f64)>]) -> Vec<(u32, f64)> {
-    let corners = marker.vertices.iter().zip(marker.weights);
-    let all = corners.flat_map(|(&vertex, share)| {
-        let row = &of_vertices[vertex as usize];
-        row.iter().map(move |&(part, weight)| (part, share * weight))
-    });
-    normalised(all)
 }
 
 /// Sums weights of one part, keeps the heaviest few, makes them sum to one.
@@ -146,19 +166,4 @@ pub(super) fn normalised(weights: impl Iterator<Item = (u32, f64)>) -> Vec<(u32,
         *weight /= sum;
     }
     row
-}
-
-/// Standard deviation in the second widest direction.
-fn second_spread(points: &[DVec3]) -> f64 {
-    let count = points.len().max(1) as f64;
-    let middle = points.iter().sum::<DVec3>() / count;
-    let mut covariance = vec![0.0; 9];
-    for point in points {
-        let d = (*point - middle).to_array();
-        for (at, sum) in covariance.iter_mut().enumerate() {
-            *sum += d[at / 3] * d[at % 3] / count;
-        }
-    }
-    let (values, _) = symmetric_eigen(3, covariance);
-    values[1].max(0.0).sqrt()
 }

@@ -12,6 +12,7 @@ use sinew_core::deform::parts::{
 pub struct RigTables {
     pub rest: Vec<[f32; 3]>,
     pub parents: Vec<u16>,
+    pub pivots: Vec<[f32; 4]>,
     pub member_starts: Vec<u32>,
     pub member_markers: Vec<u16>,
     pub member_weights: Vec<f32>,
@@ -66,6 +67,7 @@ impl RigTables {
         MarkerRig::new_checked(MarkerRigTables {
             rest: &self.rest,
             parents: &self.parents,
+            pivots: &self.pivots,
             member_starts: &self.member_starts,
             member_markers: &self.member_markers,
             member_weights: &self.member_weights,

@@ -31,13 +31,21 @@ pub fn of_markers(
     let parts = segments.part_count();
     let inside = |part: usize, least: f64| -> Vec<usize> {
         (0..markers.len())
-            .filter(|&at| rows[at].iter().any(|&(p, w)| p as usize == part && w >= least))
+            .filter(|&at| {
+                rows[at]
+                    .iter()
+                    .any(|&(p, w)| p as usize == part && w >= least)
+            })
             .collect()
     };
     let cores: Vec<Vec<usize>> = (0..parts)
         .map(|part| {
             let strict = inside(part, INSIDE);
-            if strict.len() >= 4 { strict } else { inside(part, 0.5) }
+            if strict.len() >= 4 {
+                strict
+            } else {
+                inside(part, 0.5)
+            }
         })
         .collect();
     let step = frames.len().div_ceil(MOST_FRAMES).max(1);
@@ -78,9 +86,8 @@ pub fn of_markers(
             return row[..1].iter().map(|&(part, _)| (part, 1.0)).collect();
         }
         // Relative to the best, so that a far marker's likelihoods do not all vanish.
-        let likelihood = |&(part, error): &(u32, f64)| {
-            (part, (-(error - least) / (2.0 * variance)).exp())
-        };
+        let likelihood =
+            |&(part, error): &(u32, f64)| (part, (-(error - least) / (2.0 * variance)).exp());
         let all = normalised(near.iter().map(likelihood));
         normalised(all.into_iter().filter(|&(_, weight)| weight >= THRESHOLD))
     });
