@@ -4,6 +4,7 @@
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use sinew_core::asset::{LANES, WEIGHT_ONE};
 
+use crate::clean::linear::Cholesky;
 use crate::clean::rigid::Rigid;
 use crate::fit::parts::{BlockTables, ModeData, ModeTables, RigTables, SlotTables};
 
@@ -174,7 +175,7 @@ impl Part {
                 .zip(&centres)
                 .map(|(at, centre)| markers[usize::from(modes.member_markers[at])] - *centre)
                 .collect();
-            let weights = out.solve(&centres, left, f64::from(modes.smoothing));
+            let weights = out.solve(&centres, &left, f64::from(modes.smoothing));
             out.basis = centres.into_iter().zip(weights).collect();
         }
         out
@@ -194,34 +195,22 @@ impl Part {
         (outer.powi(3) - 4.0 * inner.powi(3)) / 6.0
     }
 
-    /// Equation 7, by elimination.
-    fn solve(&self, centres: &[DVec3], mut right: Vec<DVec3>, smoothing: f64) -> Vec<DVec3> {
+    /// Equation 7; nothing where the system is not positive definite.
+    fn solve(&self, centres: &[DVec3], left: &[DVec3], smoothing: f64) -> Vec<DVec3> {
         let n = centres.len();
-        let mut rows: Vec<Vec<f64>> = centres
-            .iter()
-            .map(|a| centres.iter().map(|b| self.value(a.distance(*b))).collect())
-            .collect();
-        for k in 0..n {
-            rows[k][k] += smoothing;
-        }
-        for k in 0..n {
-            for below in k + 1..n {
-                let share = rows[below][k] / rows[k][k];
-                for column in k..n {
-                    rows[below][column] -= share * rows[k][column];
-                }
-                let known = right[k];
-                right[below] -= share * known;
+        let mut matrix = Vec::with_capacity(n * n);
+        for (row, a) in centres.iter().enumerate() {
+            for (column, b) in centres.iter().enumerate() {
+                let diagonal = if row == column { smoothing } else { 0.0 };
+                matrix.push(self.value(a.distance(*b)) + diagonal);
             }
         }
-        for k in (0..n).rev() {
-            for column in k + 1..n {
-                let known = right[column];
-                right[k] -= rows[k][column] * known;
-            }
-            right[k] /= rows[k][k];
-        }
-        right
+        let Some(factor) = Cholesky::new(n, matrix) else {
+            return vec![DVec3::ZERO; n];
+        };
+        let mut right: Vec<f64> = left.iter().flat_map(DVec3::to_array).collect();
+        factor.solve(&mut right, 3);
+        right.chunks_exact(3).map(DVec3::from_slice).collect()
     }
 
     /// Equation 8.

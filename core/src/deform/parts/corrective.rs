@@ -171,9 +171,13 @@ impl<'a> Corrective<'a> {
         let rows = features.as_chunks_mut::<PART_FEATURES>().0.iter_mut();
         let kept = kept.as_chunks_mut::<PART_STATE>().0.iter_mut();
         for (part, (out, kept)) in rows.zip(kept).enumerate() {
-            let frame = frames.get(part).unwrap_or(&IDENTITY);
+            let frame = frames.get(part).filter(|frame| usable(frame));
+            let frame = frame.unwrap_or(&IDENTITY);
             let parent = self.tables.parents.get(part).copied().unwrap_or(NO_PARENT);
-            let above = frames.get(usize::from(parent)).unwrap_or(&IDENTITY);
+            let above = frames
+                .get(usize::from(parent))
+                .filter(|frame| usable(frame));
+            let above = above.unwrap_or(&IDENTITY);
             let [x, y, z] = if parent == NO_PARENT {
                 [0.0; 3]
             } else {
@@ -226,10 +230,10 @@ impl<'a> Corrective<'a> {
             for (axis, (last, before)) in last.iter_mut().zip(before).enumerate() {
                 let now = now.get(axis).copied().unwrap_or(0.0);
                 let second = (now - *last - (*last - *before)) * inverse;
-                if frames >= 2 {
-                    if let Some(to) = acceleration.get_mut(axis) {
-                        *to = second.clamp(-LARGEST_ACCELERATION, LARGEST_ACCELERATION);
-                    }
+                if frames >= 2
+                    && let Some(to) = acceleration.get_mut(axis)
+                {
+                    *to = second.clamp(-LARGEST_ACCELERATION, LARGEST_ACCELERATION);
                 }
                 *before = *last;
                 *last = now;
@@ -285,6 +289,11 @@ impl<'a> Corrective<'a> {
             };
         }
     }
+}
+
+/// Whether a matrix is finite and of a size that cannot overflow.
+fn usable(frame: &Affine12) -> bool {
+    frame.iter().all(|x| (-1e7..=1e7).contains(x))
 }
 
 /// Sine of half the angle times the axis, of a part's turn against its parent.
@@ -388,6 +397,9 @@ mod tests {
             let mut far = bent(frame as f32 * 2.5);
             far[3] = if frame % 2 == 0 { 1e6 } else { -1e6 };
             let seconds = [0.01, f32::NAN, 0.0, 1e9][frame as usize % 4];
+            if frame % 5 == 0 {
+                far[7] = f32::NAN;
+            }
             corrective
                 .features(&[far, bent(3.1)], seconds, &mut state, &mut features)
                 .unwrap();

@@ -19,8 +19,7 @@ pub fn factor(matrix: &mut [f32], n: usize, floor: f32) -> bool {
         let Some((pivot, rest)) = row.get_mut(k..).and_then(<[f32]>::split_first_mut) else {
             return false;
         };
-        // NaN fails the comparison too.
-        if !(*pivot >= floor) {
+        if pivot.is_nan() || *pivot < floor {
             *pivot = floor;
             sound = false;
         }

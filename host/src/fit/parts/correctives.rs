@@ -154,12 +154,11 @@ fn fit(
     let used: Vec<Vec<usize>> = (0..parts).map(|part| used(&data.parents, part)).collect();
     let mut solved: Vec<Vec<[f64; 3]>> = vec![Vec::new(); main.len()];
     let (mut error, mut count) = (0.0, 0.0);
-    for part in 0..parts {
+    for (part, columns) in used.iter().enumerate() {
         let markers: Vec<usize> = (0..main.len()).filter(|&at| main[at] == part).collect();
         if markers.is_empty() {
             continue;
         }
-        let columns = &used[part];
         let n = columns.len();
         let width = 3 * markers.len();
         let mut gram = vec![0.0; n * n];

@@ -67,7 +67,7 @@ pub fn tables(
         let points: Vec<DVec3> = members.iter().map(|&(marker, _)| rest[marker]).collect();
         let frame = Frame::new(&points);
         out.to_local.push(frame.to_local());
-        out.from_local.push(frame.from_local());
+        out.from_local.push(frame.inverse());
         let support = support(&points).max(LEAST_SUPPORT * skin.spacing());
         out.dilations.push((2.0 / support) as f32);
         let local: Vec<DVec3> = points.iter().map(|&p| frame.local(p)).collect();
@@ -161,7 +161,7 @@ impl Frame {
         rows(linear, -(linear * self.origin))
     }
 
-    fn from_local(&self) -> [f32; 12] {
+    fn inverse(&self) -> [f32; 12] {
         rows(self.axes.transpose() * self.size, self.origin)
     }
 }
