@@ -1,5 +1,6 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::PackedDims;
 use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
@@ -90,6 +91,8 @@ pub struct Dims {
     pub name_bytes: usize,
     /// The skin that markers drive.
     pub marker_skin: MarkerSkinDims,
+    /// Compressed tracks.
+    pub packed: PackedDims,
 }
 
 impl Dims {
@@ -149,6 +152,7 @@ impl Dims {
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
             marker_skin: MarkerSkinDims::read(bytes),
+            packed: PackedDims::read(bytes),
         }
     }
 
@@ -188,6 +192,12 @@ impl Dims {
         let mut at = 0;
         while at < MARKER_SKIN_WORDS {
             words[first + at] = group[at];
+            at += 1;
+        }
+        let packed = self.packed.to_words();
+        let mut at = 0;
+        while at < packed.len() {
+            words[PackedDims::WORD + at] = packed[at];
             at += 1;
         }
         words

@@ -12,6 +12,7 @@ mod load;
 mod markers;
 mod play;
 mod say;
+mod solve;
 mod studio;
 mod verify;
 
@@ -29,6 +30,7 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew solve take.c3d --output walk.bvh           markers to skeleton motion
   sinew studio --mesh body.glb --motion walk.bvh --out capture
 
 Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
@@ -52,6 +54,7 @@ enum Command {
     Play(play::Play),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
+    Solve(solve::Solve),
     Studio(Box<studio::Studio>),
 }
 
@@ -83,6 +86,7 @@ pub fn run() -> ExitCode {
         Command::Play(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
+        Command::Solve(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),
     };
     match done {

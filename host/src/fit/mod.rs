@@ -6,12 +6,14 @@
 
 pub mod correspond;
 mod error;
+pub mod feet;
 pub mod floor;
 pub mod humanoid;
 pub mod laplace;
 mod names;
 pub mod parts;
 pub mod retarget;
+pub mod solve;
 
 pub use correspond::{Correspondence, Drive};
 pub use error::{FitError, Which};
