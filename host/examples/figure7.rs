@@ -119,20 +119,29 @@ fn main() -> Result<(), Failure> {
         "{} held-out frames\n",
         truth.iter().map(Vec::len).sum::<usize>()
     );
+    let counted = carried(&body);
+    let all = counted.len();
+    let fingers = counted.iter().filter(|counted| !**counted).count();
+    println!("without {fingers} of {all} vertices: fingers, which no marker can know\n");
     for noise in [0.0, 0.5e-3] {
+        let mut regions = Vec::new();
         println!("marker noise {:.1} mm", 1e3 * noise);
         println!(
-            "{:22} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8}",
-            "mode", "mean", "p95", "max", "marker", "jitter", "normals"
+            "{:22} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>8}",
+            "mode", "mean", "p95", "max", "marker", "jitter", "noise", "normals"
         );
         for (name, mode, budget) in MODES {
-            let row = measure(&learnt, mode, budget, &truth, &set, noise)?;
+            let row = measure(&learnt, mode, budget, &truth, &set, noise, &counted)?;
             println!(
-                "{name:22} {:7.2} {:7.2} {:7.1} {:7.2} {:7.3} {:7.2}°",
-                row.mean, row.percentile_95, row.max, row.marker, row.jitter, row.normal
+                "{name:22} {:7.2} {:7.2} {:7.1} {:7.2} {:7.3} {:7.2} {:7.2}°",
+                row.mean, row.percentile_95, row.max, row.marker, row.jitter, row.noise, row.normal
             );
+            regions.push((name, row.by_vertex));
         }
         println!();
+        if noise == 0.0 {
+            by_joint(&body, &regions);
+        }
     }
     correctives(
         &body,
@@ -142,6 +151,7 @@ fn main() -> Result<(), Failure> {
         &learnt_from,
         &held_out,
     )?;
+    dem_bones(&root)?;
     speed(&learnt, &body, &set.positions(&truth[0][0]))?;
     if let Some(folder) = out {
         sheets(&learnt, &body, &truth, &set, &folder)?;
@@ -177,9 +187,8 @@ fn correctives(
     for most in [4, 8] {
         let skin = learn_skin(body, segments, glued, &performances, most)?;
         println!(
-            "correctives: {} terms, springs {:.0?} rad/s, {:.1} markers a block",
+            "correctives: {} terms, {:.1} markers a block",
             skin.data.features.len(),
-            skin.data.springs,
             skin.slots.markers_a_block()
         );
         let (mut alone, mut with, mut count) = (0.0, 0.0, 0.0);
@@ -225,6 +234,156 @@ fn correctives(
         );
     }
     Ok(())
+}
+
+/// A published vertex sequence that no linear skinning reproduces: markers on it, every second
+/// frame learnt from, the others compared.
+fn dem_bones(root: &Path) -> Result<(), Failure> {
+    const COUNTS: [usize; 2] = [400, 754];
+    const MARKERS: usize = 120;
+    let folder = root.join("../shared/data/vertex_seq/dem_bones");
+    if !folder.exists() {
+        println!("SKIPPED: {} is not here", folder.display());
+        return Ok(());
+    }
+    let numbers = std::fs::read(folder.join("bone_anim_400x754x3_f32le.bin"))?;
+    let numbers: Vec<f64> = numbers
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|bytes| f64::from(f32::from_le_bytes(*bytes)))
+        .collect();
+    let frames: Vec<Vec<DVec3>> = numbers
+        .chunks_exact(3 * COUNTS[1])
+        .map(|frame| frame.chunks_exact(3).map(DVec3::from_slice).collect())
+        .collect();
+    let text = std::fs::read(folder.join("bone_rest.obj"))?;
+    let (raw, _) = sinew_host::import::read_obj(&text, "bone_rest.obj", 1.0)?;
+    let (mut mesh, _) = sinew_host::model::Mesh::new(raw, "bone_rest.obj")?;
+    if mesh.positions.len() != COUNTS[1] {
+        return Err(format!("the mesh has {} vertices", mesh.positions.len()).into());
+    }
+    mesh.positions.clone_from(&frames[0]);
+    let weights = std::fs::read_to_string(folder.join("bone_weights.csv"))?;
+    let rows: Vec<Vec<f64>> = weights
+        .lines()
+        .filter_map(|line| {
+            line.split(',')
+                .map(|cell| cell.trim().parse().ok())
+                .collect()
+        })
+        .collect();
+    let rows: Vec<&[f64]> = rows
+        .iter()
+        .map(|row| &row[row.len().saturating_sub(6)..])
+        .collect();
+    let vertex_weights: Vec<Vec<(u32, f64)>> = rows
+        .iter()
+        .map(|row| {
+            let sum: f64 = row.iter().sum();
+            let used = row.iter().enumerate().filter(|(_, w)| **w > 1e-3);
+            used.map(|(part, weight)| (part as u32, weight / sum))
+                .collect()
+        })
+        .collect();
+    let segments = Segments {
+        names: (0..6).map(|part| format!("bone {part}")).collect(),
+        parents: vec![None; 6],
+        pivots: vec![None; 6],
+        vertex_weights: vertex_weights.clone(),
+        smooth: true,
+    };
+    let graph = fit::laplace::graph::Graph::new(&mesh.positions, &mesh.triangles);
+    let chosen = graph.spread(&[0], MARKERS - 1);
+    let glued: Vec<Glued> = std::iter::once(0)
+        .chain(chosen)
+        .map(|vertex| Glued {
+            vertices: [vertex; 3],
+            weights: [1.0, 0.0, 0.0],
+        })
+        .collect();
+    let at = |frame: &Vec<DVec3>| -> Vec<DVec3> { glued.iter().map(|m| m.on(frame)).collect() };
+    let train: Vec<Vec<DVec3>> = frames.iter().step_by(2).map(at).collect();
+    let options = Options::default();
+    let learnt = learn(
+        &mesh,
+        &segments,
+        (&glued, &at(&frames[0])),
+        &train,
+        &options,
+    )?;
+    let held_out: Vec<&Vec<DVec3>> = frames.iter().skip(1).step_by(2).collect();
+    let linear: f64 = held_out
+        .iter()
+        .map(|frame| linear_error(&mesh.positions, &vertex_weights, frame))
+        .sum::<f64>()
+        / held_out.len() as f64;
+    println!(
+        "dem_bones, {} markers, rms over held-out frames (extent 3.7):",
+        glued.len()
+    );
+    println!("  best linear skinning   {:.4}", linear.sqrt());
+    for (name, mode, budget) in MODES {
+        let mut player = learnt.player(mode)?.with_budget(budget);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for frame in &held_out {
+            player.step(&marker_frame(&at(frame)));
+            for (a, b) in player.positions().iter().zip(*frame) {
+                sum += DVec3::from_array(a.map(f64::from)).distance_squared(*b);
+                count += 1.0;
+            }
+        }
+        println!("  {name:22} {:.4}", f64::sqrt(sum / count));
+    }
+    println!();
+    Ok(())
+}
+
+/// Mean squared error of the affine matrices that fit a frame best, by normal equations.
+fn linear_error(rest: &[DVec3], weights: &[Vec<(u32, f64)>], frame: &[DVec3]) -> f64 {
+    const N: usize = 24;
+    let row = |vertex: usize| {
+        let mut row = [0.0; N];
+        for &(bone, weight) in &weights[vertex] {
+            let terms = [rest[vertex].x, rest[vertex].y, rest[vertex].z, 1.0];
+            for (to, term) in row[4 * bone as usize..].iter_mut().zip(terms) {
+                *to = weight * term;
+            }
+        }
+        row
+    };
+    let mut matrix = vec![[0.0; N + 3]; N];
+    for (vertex, target) in frame.iter().enumerate() {
+        let row = row(vertex);
+        for (to, a) in matrix.iter_mut().zip(row) {
+            for (to, b) in to.iter_mut().zip(row.into_iter().chain(target.to_array())) {
+                *to += a * b;
+            }
+        }
+    }
+    for at in 0..N {
+        matrix[at][at] += 1e-9;
+        let pivot = matrix[at];
+        for below in matrix.iter_mut().skip(at + 1) {
+            let share = below[at] / pivot[at];
+            for (to, from) in below.iter_mut().zip(pivot) {
+                *to -= share * from;
+            }
+        }
+    }
+    let mut solved = [DVec3::ZERO; N];
+    for at in (0..N).rev() {
+        let mut value = DVec3::new(matrix[at][N], matrix[at][N + 1], matrix[at][N + 2]);
+        for (known, share) in solved.iter().zip(matrix[at]).skip(at + 1) {
+            value -= share * *known;
+        }
+        solved[at] = value / matrix[at][at];
+    }
+    let error = |(vertex, target): (usize, &DVec3)| {
+        let found: DVec3 = row(vertex).iter().zip(&solved).map(|(a, b)| *a * *b).sum();
+        found.distance_squared(*target)
+    };
+    frame.iter().enumerate().map(error).sum::<f64>() / frame.len() as f64
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -377,6 +536,48 @@ const fn budget(quadratic: bool, residual_parts: usize) -> ExactBudget {
     }
 }
 
+/// `[vertices]`: whether markers can know where it is: all but what finger joints move.
+fn carried(body: &Avatar) -> Vec<bool> {
+    let finger = |bind: u32| {
+        let joint = body.skin.binds[bind as usize].joint;
+        let name = body.skeleton.joints[joint].name.to_lowercase();
+        name.contains("finger") || name.contains("thumb")
+    };
+    let rows = body.skin.influences.iter();
+    rows.map(|row| {
+        !row.iter()
+            .any(|&(bind, weight)| finger(bind) && weight > 0.02)
+    })
+    .collect()
+}
+
+/// Mean error of each mode over the vertices of each joint, millimetres.
+fn by_joint(body: &Avatar, regions: &[(&str, Vec<f64>)]) {
+    for (at, joint) in body.skeleton.joints.iter().enumerate() {
+        let own = |vertex: usize| {
+            let heaviest = body.skin.influences[vertex][0].0;
+            body.skin.binds[heaviest as usize].joint == at
+        };
+        let vertices: Vec<usize> = (0..body.mesh.positions.len()).filter(|&v| own(v)).collect();
+        if vertices.is_empty() {
+            continue;
+        }
+        let mean = |errors: &Vec<f64>| {
+            vertices.iter().map(|&v| errors[v]).sum::<f64>() / vertices.len() as f64
+        };
+        let cells = regions
+            .iter()
+            .map(|(_, errors)| format!("{:7.2}", mean(errors)));
+        println!(
+            "  {:18} {:6} {}",
+            joint.name,
+            vertices.len(),
+            cells.collect::<String>()
+        );
+    }
+    println!();
+}
+
 /// Runs of consecutive frames spread over a motion.
 fn windows(body: &Body<'_>) -> Vec<Vec<Surface>> {
     const RUN: usize = 8;
@@ -399,7 +600,11 @@ struct Row {
     max: f64,
     marker: f64,
     jitter: f64,
+    /// What the markers' noise adds to the skin, rms.
+    noise: f64,
     normal: f64,
+    /// `[vertices]`: mean over frames.
+    by_vertex: Vec<f64>,
 }
 
 fn measure(
@@ -409,15 +614,21 @@ fn measure(
     truth: &[Vec<Surface>],
     set: &MarkerSet,
     noise: f64,
+    counted: &[bool],
 ) -> Result<Row, Failure> {
     let mut player = learnt.player(mode)?.with_budget(budget);
+    let mut clean = learnt.player(mode)?.with_budget(budget);
+    let (mut added, mut counts) = (0.0, 0.0);
     let mut random = Noise(1);
     let (mut errors, mut markers, mut turns) = (Vec::new(), Vec::new(), Vec::new());
     let (mut jitter, mut jitters) = (0.0, 0.0);
+    let mut by_vertex = vec![0.0; counted.len()];
+    let frames = truth.iter().map(Vec::len).sum::<usize>() as f64;
     for run in truth {
         let mut last: Vec<Vec<DVec3>> = Vec::new();
         for surface in run {
             let mut seen = set.positions(surface);
+            clean.step(&marker_frame(&seen));
             for point in &mut seen {
                 *point += noise * random.vector();
             }
@@ -427,13 +638,25 @@ fn measure(
                 positions: player.positions().iter().map(vector).collect(),
                 normals: player.normals().iter().map(vector).collect(),
             };
+            let pairs = found.positions.iter().zip(clean.positions());
+            for ((noisy, clean), counted) in pairs.zip(counted) {
+                if *counted {
+                    added += (1e3 * (*noisy - vector(clean))).length_squared();
+                    counts += 1.0;
+                }
+            }
             let off: Vec<DVec3> = found
                 .positions
                 .iter()
                 .zip(&surface.positions)
                 .map(|(a, b)| *a - *b)
                 .collect();
-            errors.extend(off.iter().map(|d| 1e3 * d.length()));
+            for ((d, counted), sum) in off.iter().zip(counted).zip(&mut by_vertex) {
+                *sum += 1e3 * d.length() / frames;
+                if *counted {
+                    errors.push(1e3 * d.length());
+                }
+            }
             let glued = set.positions(&found).into_iter();
             markers.extend(
                 glued
@@ -441,8 +664,10 @@ fn measure(
                     .map(|(a, b)| 1e3 * a.distance(b)),
             );
             let pairs = found.normals.iter().zip(&surface.normals);
-            turns.extend(pairs.map(|(a, b)| a.angle_between(*b).to_degrees()));
-            last.push(off);
+            let pairs = pairs.zip(counted).filter(|pair| *pair.1);
+            turns.extend(pairs.map(|((a, b), _)| a.angle_between(*b).to_degrees()));
+            let kept = off.into_iter().zip(counted).filter(|pair| *pair.1);
+            last.push(kept.map(|pair| pair.0).collect());
             if let [.., a, b, c] = &last[..] {
                 for ((a, b), c) in a.iter().zip(b).zip(c) {
                     jitter += (1e3 * (*a - 2.0 * *b + *c)).length_squared();
@@ -460,7 +685,9 @@ fn measure(
         max: errors[errors.len() - 1],
         marker,
         jitter: f64::sqrt(jitter / f64::max(jitters, 1.0)),
+        noise: f64::sqrt(added / f64::max(counts, 1.0)),
         normal,
+        by_vertex,
     })
 }
 

@@ -12,7 +12,9 @@ pub mod humanoid;
 pub mod laplace;
 mod names;
 pub mod parts;
+pub mod register;
 pub mod retarget;
+pub mod segment;
 pub mod solve;
 
 pub use correspond::{Correspondence, Drive};

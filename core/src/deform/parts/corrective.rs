@@ -24,6 +24,8 @@ const LARGEST_ACCELERATION: f32 = 80.0;
 /// Springs do not stretch further, metres.
 const LONGEST_SPRING: f32 = 0.1;
 const GRAVITY: f32 = 9.81;
+/// Springs of a part that does not exist.
+const STIFF: [[f32; 2]; SPRINGS] = [[60.0, 0.5]; SPRINGS];
 /// Numbers remembered of a part: two places, and place and speed of each spring.
 const PART_STATE: usize = 6 + 6 * SPRINGS;
 
@@ -34,8 +36,8 @@ pub struct CorrectiveTables<'a> {
     pub parents: &'a [u16],
     /// `[parts]`: the place in the rest pose whose acceleration shakes the springs, metres.
     pub pivots: &'a [[f32; 3]],
-    /// Angular frequency (radians a second) and damping ratio of the two springs.
-    pub springs: [[f32; 2]; SPRINGS],
+    /// `[parts]`: angular frequency (radians a second) and damping ratio of the two springs.
+    pub springs: &'a [[[f32; 2]; SPRINGS]],
     /// `[handles + 1]`: first term of each handle.
     pub starts: &'a [u32],
     /// `[terms]`: feature, `PART_FEATURES` for each part and then a constant one.
@@ -88,8 +90,10 @@ impl<'a> Corrective<'a> {
         }
         let table = PartsTable::Modes;
         numbers(table, tables.pivots.as_flattened(), 1e6)?;
-        numbers(table, tables.springs.as_flattened(), 1e3)?;
-        if let Some(at) = tables.springs.as_flattened().iter().position(|&x| x <= 0.0) {
+        length(table, tables.springs.len(), parts)?;
+        let springs = tables.springs.as_flattened().as_flattened();
+        numbers(table, springs, 1e3)?;
+        if let Some(at) = springs.iter().position(|&x| x <= 0.0) {
             return Err(PartsError::Number { table, at });
         }
         let terms = tables.features.len();
@@ -186,7 +190,8 @@ impl<'a> Corrective<'a> {
             let down = turned_back(frame, [0.0, -1.0, 0.0]);
             let pivot = self.tables.pivots.get(part).copied().unwrap_or_default();
             let now = transform_point(frame, pivot);
-            self.shake(frame, now, seconds, state.frames, kept);
+            let springs = self.tables.springs.get(part).unwrap_or(&STIFF);
+            shake(springs, frame, now, seconds, state.frames, kept);
             let springs = kept.as_chunks::<6>().0;
             let [a, b] = [springs.get(1), springs.get(2)].map(|spring| spring.copied());
             let ([ax, ay, az, ..], [bx, by, bz, ..]) =
@@ -214,56 +219,6 @@ impl<'a> Corrective<'a> {
         Ok(())
     }
 
-    /// Moves the springs of a part, which live in its rest space.
-    fn shake(
-        &self,
-        frame: &Affine12,
-        now: [f32; 3],
-        seconds: f32,
-        frames: u32,
-        kept: &mut [f32; PART_STATE],
-    ) {
-        let (places, springs) = kept.split_at_mut(6);
-        let mut acceleration = [0.0; 3];
-        if let Some((last, before)) = places.split_first_chunk_mut::<3>() {
-            let inverse = 1.0 / (seconds * seconds);
-            for (axis, (last, before)) in last.iter_mut().zip(before).enumerate() {
-                let now = now.get(axis).copied().unwrap_or(0.0);
-                let second = (now - *last - (*last - *before)) * inverse;
-                if frames >= 2
-                    && let Some(to) = acceleration.get_mut(axis)
-                {
-                    *to = second.clamp(-LARGEST_ACCELERATION, LARGEST_ACCELERATION);
-                }
-                *before = *last;
-                *last = now;
-            }
-        }
-        // In the part, flesh feels the opposite of what the bone does, and its weight.
-        let [x, y, z] = acceleration;
-        let pull = turned_back(frame, [-x, -y - GRAVITY, -z]);
-        let pull = [pull[0], pull[1] + GRAVITY, pull[2]];
-        let step = seconds / STEPS as f32;
-        for (spring, [frequency, damping]) in springs
-            .as_chunks_mut::<6>()
-            .0
-            .iter_mut()
-            .zip(self.tables.springs)
-        {
-            let stiffness = frequency * frequency;
-            let friction = 2.0 * damping * frequency;
-            let share = 1.0 / (1.0 + step * friction + step * step * stiffness);
-            let (place, speed) = spring.split_at_mut(3);
-            for ((place, speed), pull) in place.iter_mut().zip(speed).zip(pull) {
-                for _ in 0..STEPS {
-                    *speed = (*speed + step * (pull - stiffness * *place)) * share;
-                    *place += step * *speed;
-                }
-                *place = place.clamp(-LONGEST_SPRING, LONGEST_SPRING);
-            }
-        }
-    }
-
     /// Residuals `[handles]` of a frame from its features; old contents do not matter. O(terms)
     pub fn residuals(&self, features: &[f32], residuals: &mut [[f32; 3]]) {
         let limit = self.tables.limit;
@@ -287,6 +242,52 @@ impl<'a> Corrective<'a> {
             } else {
                 [0.0; 3]
             };
+        }
+    }
+}
+
+/// Moves the springs of a part, which live in its rest space.
+fn shake(
+    springs: &[[f32; 2]; SPRINGS],
+    frame: &Affine12,
+    now: [f32; 3],
+    seconds: f32,
+    frames: u32,
+    kept: &mut [f32; PART_STATE],
+) {
+    let (places, stretched) = kept.split_at_mut(6);
+    let mut acceleration = [0.0; 3];
+    if let Some((last, before)) = places.split_first_chunk_mut::<3>() {
+        let inverse = 1.0 / (seconds * seconds);
+        for (axis, (last, before)) in last.iter_mut().zip(before).enumerate() {
+            let now = now.get(axis).copied().unwrap_or(0.0);
+            let second = (now - *last - (*last - *before)) * inverse;
+            if frames >= 2
+                && let Some(to) = acceleration.get_mut(axis)
+            {
+                *to = second.clamp(-LARGEST_ACCELERATION, LARGEST_ACCELERATION);
+            }
+            *before = *last;
+            *last = now;
+        }
+    }
+    // In the part, flesh feels the opposite of what the bone does, and its weight.
+    let [x, y, z] = acceleration;
+    let pull = turned_back(frame, [-x, -y - GRAVITY, -z]);
+    let pull = [pull[0], pull[1] + GRAVITY, pull[2]];
+    let step = seconds / STEPS as f32;
+    let all = stretched.as_chunks_mut::<6>().0.iter_mut().zip(springs);
+    for (spring, &[frequency, damping]) in all {
+        let stiffness = frequency * frequency;
+        let friction = 2.0 * damping * frequency;
+        let share = 1.0 / (1.0 + step * friction + step * step * stiffness);
+        let (place, speed) = spring.split_at_mut(3);
+        for ((place, speed), pull) in place.iter_mut().zip(speed).zip(pull) {
+            for _ in 0..STEPS {
+                *speed = (*speed + step * (pull - stiffness * *place)) * share;
+                *place += step * *speed;
+            }
+            *place = place.clamp(-LONGEST_SPRING, LONGEST_SPRING);
         }
     }
 }
@@ -335,7 +336,7 @@ mod tests {
     const TABLES: CorrectiveTables<'_> = CorrectiveTables {
         parents: &[NO_PARENT, 0],
         pivots: &[[0.0; 3], [0.0, 0.3, 0.0]],
-        springs: [[20.0, 0.3], [40.0, 0.3]],
+        springs: &[[[20.0, 0.3], [40.0, 0.3]]; 2],
         starts: &[0, 2],
         features: &[13, 26],
         coefficients: &[[0.01, 0.0, 0.0], [0.0, 0.002, 0.0]],

@@ -246,21 +246,14 @@ impl Stream<'_, '_> {
             across: [zero; 3],
         };
         let map = self.handles.maps.get(part).unwrap_or(&[0.0; 3 * COLUMNS]);
-        for (axis, map) in map.as_chunks::<COLUMNS>().0.iter().enumerate().take(3) {
-            let constant = map.last().copied().unwrap_or(0.0);
-            moved.position[axis] = L::splat(token, constant);
-            let columns = map.as_chunks::<3>().0;
-            for (row, columns) in columns.iter().enumerate().take(3) {
-                for (column, &value) in columns.iter().enumerate().take(3) {
-                    let value = L::splat(token, value);
-                    let at = &mut moved.position[axis];
-                    *at = at.add(value.mul(terms[row][column]));
-                    let at = &mut moved.along[axis];
-                    *at = at.add(value.mul(along[row][column]));
-                    let at = &mut moved.across[axis];
-                    *at = at.add(value.mul(across[row][column]));
-                }
-            }
+        let rows = map.as_chunks::<COLUMNS>().0.iter().enumerate().take(3);
+        for (axis, &[a, b, c, d, e, f, g, h, i, constant]) in rows {
+            let linear = [a, b, c];
+            let (squares, products) = ([d, e, f], [g, h, i]);
+            let of = [linear, squares, products];
+            moved.position[axis] = product(token, of, &terms).add(L::splat(token, constant));
+            moved.along[axis] = product(token, of, &along);
+            moved.across[axis] = product(token, of, &across);
         }
         moved
     }
@@ -299,13 +292,21 @@ impl Stream<'_, '_> {
             let change = two.mul(inner2).sub(half.mul(outer2));
             let change = change.mul(inverse).mul(dilation);
             let direction = [dx.mul(change), dy.mul(change), dz.mul(change)];
-            for (axis, weight) in [wx, wy, wz].into_iter().enumerate() {
-                let weight = L::splat(token, weight);
-                shift[axis] = shift[axis].add(weight.mul(value));
-                for (slope, direction) in slope[axis].iter_mut().zip(direction) {
-                    *slope = slope.add(weight.mul(direction));
-                }
-            }
+            let (wx, wy, wz) = (
+                L::splat(token, wx),
+                L::splat(token, wy),
+                L::splat(token, wz),
+            );
+            shift = [
+                shift[0].add(wx.mul(value)),
+                shift[1].add(wy.mul(value)),
+                shift[2].add(wz.mul(value)),
+            ];
+            slope = [
+                add_scaled(slope[0], wx, direction),
+                add_scaled(slope[1], wy, direction),
+                add_scaled(slope[2], wz, direction),
+            ];
         }
         for tangent in [&mut moved.along, &mut moved.across] {
             let before = *tangent;
@@ -322,6 +323,28 @@ impl Stream<'_, '_> {
 #[inline(always)]
 fn dot<L: Lanes>([a, b, c]: [L; 3], [x, y, z]: [L; 3]) -> L {
     a.mul(x).add(b.mul(y)).add(c.mul(z))
+}
+
+#[inline(always)]
+fn add_scaled<L: Lanes>([a, b, c]: [L; 3], by: L, [x, y, z]: [L; 3]) -> [L; 3] {
+    [a.add(by.mul(x)), b.add(by.mul(y)), c.add(by.mul(z))]
+}
+
+/// A row of a transformation times nine terms.
+#[inline(always)]
+fn product<L: Lanes>(token: L::Token, of: [[f32; 3]; 3], terms: &[[L; 3]; 3]) -> L {
+    let [[a, b, c], [d, e, f], [g, h, i]] = of;
+    let [[x, y, z], [xx, yy, zz], [xy, yz, zx]] = *terms;
+    L::splat(token, a)
+        .mul(x)
+        .add(L::splat(token, b).mul(y))
+        .add(L::splat(token, c).mul(z))
+        .add(L::splat(token, d).mul(xx))
+        .add(L::splat(token, e).mul(yy))
+        .add(L::splat(token, f).mul(zz))
+        .add(L::splat(token, g).mul(xy))
+        .add(L::splat(token, h).mul(yz))
+        .add(L::splat(token, i).mul(zx))
 }
 
 /// How the quadratic terms at a point change along a tangent.

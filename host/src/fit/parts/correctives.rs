@@ -2,7 +2,7 @@
 //!
 //! In: frames of parts and residuals of markers over consecutive frames of a dense capture. Out:
 //! for each marker a linear sum of a few features of its own part and of those that join it. The
-//! springs' frequencies are those that predict stretches held out best.
+//! springs and the ridge of each part are those that predict seconds held out best.
 
 use glam::{DAffine3, DVec3};
 use sinew_core::asset::NO_PARENT;
@@ -14,10 +14,17 @@ use super::Segments;
 use crate::clean::linear::Cholesky;
 
 /// Frequencies tried, hertz, and damping ratios.
-const FREQUENCIES: [[f64; 2]; 4] = [[2.0, 4.0], [3.0, 6.0], [4.0, 8.0], [5.0, 10.0]];
+const FREQUENCIES: [[f64; 2]; 6] = [
+    [2.0, 4.0],
+    [3.0, 6.0],
+    [4.0, 8.0],
+    [5.0, 7.5],
+    [6.0, 9.0],
+    [7.5, 11.0],
+];
 const DAMPINGS: [f64; 2] = [0.2, 0.4];
-/// Pull of coefficients toward zero, as a part of the frames.
-const RIDGE: f64 = 3e-3;
+/// Pulls of coefficients toward zero tried, as parts of each feature's own square.
+const RIDGES: [f64; 3] = [3e-2, 3e-3, 3e-4];
 /// Features of a bend, at the front of a part's features.
 const BEND: usize = 4;
 /// Frames after the start that only wind the springs up.
@@ -29,7 +36,7 @@ const WARM_UP: usize = 3;
 pub struct CorrectiveData {
     pub parents: Vec<u16>,
     pub pivots: Vec<[f32; 3]>,
-    pub springs: [[f32; 2]; 2],
+    pub springs: Vec<[[f32; 2]; 2]>,
     pub starts: Vec<u32>,
     pub features: Vec<u16>,
     pub coefficients: Vec<[f32; 3]>,
@@ -45,7 +52,7 @@ impl CorrectiveData {
         Corrective::new_checked(CorrectiveTables {
             parents: &self.parents,
             pivots: &self.pivots,
-            springs: self.springs,
+            springs: &self.springs,
             starts: &self.starts,
             features: &self.features,
             coefficients: &self.coefficients,
@@ -96,28 +103,39 @@ pub fn learn(
             .map(|parent| parent.map_or(NO_PARENT, |parent| parent as u16))
             .collect(),
         pivots: (0..parts).map(pivot).collect(),
+        springs: vec![[[20.0, 0.3]; 2]; parts],
         starts: vec![0],
         limit: (1.2 * longest) as f32,
         ..CorrectiveData::default()
     };
-    let mut best: Option<(f64, CorrectiveData)> = None;
+    let features_of = |data: &CorrectiveData| {
+        let of = |stretch| features(data, stretch);
+        stretches.iter().map(of).collect::<Result<Vec<_>, _>>()
+    };
+    let mut chosen = vec![(f64::INFINITY, [[1.0; 2]; 2], RIDGES[0]); parts];
     for frequency in FREQUENCIES {
         for damping in DAMPINGS {
+            let springs = frequency.map(|f| [(std::f64::consts::TAU * f) as f32, damping as f32]);
             let mut data = empty.clone();
-            data.springs = frequency.map(|f| [(std::f64::consts::TAU * f) as f32, damping as f32]);
-            let features: Vec<Vec<Vec<f32>>> = stretches
-                .iter()
-                .map(|stretch| features(&data, stretch))
-                .collect::<Result<_, _>>()?;
-            // Every third second is held out to choose, then learnt from too.
-            let error = fit(&mut data.clone(), &main, stretches, &features, true);
-            if best.as_ref().is_none_or(|(least, _)| error < *least) {
-                fit(&mut data, &main, stretches, &features, false);
-                best = Some((error, data));
+            data.springs = vec![springs; parts];
+            let features = features_of(&data)?;
+            for ridge in RIDGES {
+                // Every third second is held out to choose, then learnt from too.
+                let errors = fit(&mut data, &main, stretches, &features, &|_| ridge, true);
+                for (error, chosen) in errors.into_iter().zip(&mut chosen) {
+                    if error < chosen.0 {
+                        *chosen = (error, springs, ridge);
+                    }
+                }
             }
         }
     }
-    Ok(best.map_or(empty, |best| best.1))
+    let mut data = empty;
+    data.springs = chosen.iter().map(|chosen| chosen.1).collect();
+    let features = features_of(&data)?;
+    let ridge = |part: usize| chosen[part].2;
+    fit(&mut data, &main, stretches, &features, &ridge, false);
+    Ok(data)
 }
 
 /// `[frames][features]` as the core finds them.
@@ -141,19 +159,20 @@ pub fn rows(matrix: &DAffine3) -> [f32; 12] {
     crate::bake::write::rows(matrix).map(|x| x as f32)
 }
 
-/// Least squares of all markers; appends their terms, or, with `held_out`, returns the mean squared
-/// error on the frames left out.
+/// Least squares of all markers; appends their terms, or, with `held_out`, only returns the squared
+/// error of each part on the frames left out.
 fn fit(
     data: &mut CorrectiveData,
     main: &[usize],
     stretches: &[Stretch],
     features: &[Vec<Vec<f32>>],
+    ridge: &dyn Fn(usize) -> f64,
     held_out: bool,
-) -> f64 {
+) -> Vec<f64> {
     let parts = data.parents.len();
     let used: Vec<Vec<usize>> = (0..parts).map(|part| used(&data.parents, part)).collect();
     let mut solved: Vec<Vec<[f64; 3]>> = vec![Vec::new(); main.len()];
-    let (mut error, mut count) = (0.0, 0.0);
+    let mut errors = vec![0.0; parts];
     for (part, columns) in used.iter().enumerate() {
         let markers: Vec<usize> = (0..main.len()).filter(|&at| main[at] == part).collect();
         if markers.is_empty() {
@@ -194,7 +213,7 @@ fn fit(
         // Features differ in size: each is pulled by its own mean square.
         for at in 0..n {
             let own = gram[at * n + at];
-            gram[at * n + at] += RIDGE * own + 1e-9 * frames + 1e-12;
+            gram[at * n + at] += ridge(part) * own + 1e-9 * frames + 1e-12;
         }
         let Some(factor) = Cholesky::new(n, gram) else {
             continue;
@@ -214,8 +233,7 @@ fn fit(
                     .zip(&solved[marker])
                     .map(|(&at, c)| f64::from(x[at]) * DVec3::from_array(*c))
                     .sum();
-                error += sum.distance_squared(y[marker]);
-                count += 1.0;
+                errors[part] += sum.distance_squared(y[marker]);
             }
         }
     }
@@ -228,7 +246,7 @@ fn fit(
             data.starts.push(data.features.len() as u32);
         }
     }
-    error / f64::max(count, 1.0)
+    errors
 }
 
 /// Features that may move the markers of a part: all its own, bends of the parts that hang on it,

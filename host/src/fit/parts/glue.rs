@@ -8,6 +8,7 @@ use glam::{DMat3, DVec3};
 
 use super::{Glued, PartsFitError};
 use crate::model::Mesh;
+use crate::spatial::Tree;
 
 /// Turns tried at first.
 const TURNS: usize = 12;
@@ -28,11 +29,12 @@ pub struct Fitted {
 }
 
 /// Glues markers `[markers]` of one frame, metres, to a mesh in the same pose.
-/// O(markers (turns vertices + triangles))
+/// O(triangles log triangles + markers log triangles)
 ///
 /// # Errors
 /// Markers that are nowhere near the skin.
 pub fn fit(mesh: &Mesh, markers: &[DVec3]) -> Result<Fitted, PartsFitError> {
+    let tree = Tree::new(&mesh.triangles, &mesh.positions);
     let mut best: Option<(f64, Motion)> = None;
     for turn in 0..TURNS {
         let yaw = std::f64::consts::TAU * turn as f64 / TURNS as f64;
@@ -40,7 +42,10 @@ pub fn fit(mesh: &Mesh, markers: &[DVec3]) -> Result<Fitted, PartsFitError> {
         let mut error = f64::INFINITY;
         for _ in 0..ROUNDS {
             let at: Vec<DVec3> = markers.iter().map(|&p| motion.to_mesh(p)).collect();
-            let near: Vec<DVec3> = at.iter().map(|&p| nearest_vertex(mesh, p)).collect();
+            let near = at
+                .iter()
+                .map(|&p| nearest(&tree, p).map_or(p, |near| near.0));
+            let near: Vec<DVec3> = near.collect();
             let now = mean(at.iter().zip(&near).map(|(a, b)| a.distance(*b)));
             if now > error - 1e-6 {
                 break;
@@ -54,14 +59,20 @@ pub fn fit(mesh: &Mesh, markers: &[DVec3]) -> Result<Fitted, PartsFitError> {
     }
     let motion = best.map_or_else(|| Motion::start(mesh, markers, 0.0), |found| found.1);
     let rest: Vec<DVec3> = markers.iter().map(|&p| motion.to_mesh(p)).collect();
-    let glued: Vec<Glued> = rest.iter().map(|&p| nearest_triangle(mesh, p)).collect();
+    let glue = |&p: &DVec3| {
+        let (_, triangle, weights) = nearest(&tree, p)?;
+        let vertices = *mesh.triangles.get(triangle)?;
+        Some(Glued { vertices, weights })
+    };
+    let glued: Option<Vec<Glued>> = rest.iter().map(glue).collect();
+    let glued = glued.unwrap_or_default();
     let off: Vec<f64> = rest
         .iter()
         .zip(&glued)
         .map(|(p, glued)| p.distance(glued.on(&mesh.positions)))
         .collect();
     let mean_distance = mean(off.iter().copied());
-    if mean_distance > FURTHEST_MEAN || !mean_distance.is_finite() {
+    if glued.len() < markers.len() || !(0.0..=FURTHEST_MEAN).contains(&mean_distance) {
         let worst = (0..off.len()).max_by(|&a, &b| off[a].total_cmp(&off[b]));
         return Err(PartsFitError::OtherPose {
             mean_mm: 1e3 * mean_distance,
@@ -128,94 +139,8 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
     values.sum::<f64>() / count
 }
 
-fn nearest_vertex(mesh: &Mesh, point: DVec3) -> DVec3 {
-    let (mut best, mut least) = (DVec3::ZERO, f64::INFINITY);
-    for &at in &mesh.positions {
-        let distance = at.distance_squared(point);
-        if distance < least {
-            (best, least) = (at, distance);
-        }
-    }
-    best
-}
-
-fn nearest_triangle(mesh: &Mesh, point: DVec3) -> Glued {
-    let (mut best, mut least) = (
-        Glued {
-            vertices: [0; 3],
-            weights: [1.0, 0.0, 0.0],
-        },
-        f64::INFINITY,
-    );
-    for &vertices in &mesh.triangles {
-        let [a, b, c] = vertices.map(|at| mesh.positions[at as usize]);
-        let weights = nearest_weights(point, a, b, c);
-        let at = a * weights[0] + b * weights[1] + c * weights[2];
-        let distance = at.distance_squared(point);
-        if distance < least {
-            (best, least) = (Glued { vertices, weights }, distance);
-        }
-    }
-    best
-}
-
-/// Corner weights of the point of a triangle nearest to another (Ericson, *Real-Time Collision
-/// Detection*, section 5.1.5).
-fn nearest_weights(p: DVec3, a: DVec3, b: DVec3, c: DVec3) -> [f64; 3] {
-    let (ab, ac, ap) = (b - a, c - a, p - a);
-    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [1.0, 0.0, 0.0];
-    }
-    let bp = p - b;
-    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
-    if d3 >= 0.0 && d4 <= d3 {
-        return [0.0, 1.0, 0.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        let v = d1 / (d1 - d3);
-        return [1.0 - v, v, 0.0];
-    }
-    let cp = p - c;
-    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 0.0, 1.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        let w = d2 / (d2 - d6);
-        return [1.0 - w, 0.0, w];
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0 {
-        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return [0.0, 1.0 - w, w];
-    }
-    let sum = va + vb + vc;
-    [va / sum, vb / sum, vc / sum]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nearest_points_of_a_triangle_in_every_region() {
-        let [a, b, c] = [DVec3::ZERO, DVec3::X, DVec3::Y];
-        let at = |x: f64, y: f64| nearest_weights(DVec3::new(x, y, 0.7), a, b, c);
-        assert_eq!(at(-1.0, -1.0), [1.0, 0.0, 0.0]);
-        assert_eq!(at(2.0, -0.5), [0.0, 1.0, 0.0]);
-        assert_eq!(at(-0.5, 3.0), [0.0, 0.0, 1.0]);
-        assert_eq!(at(0.25, -1.0), [0.75, 0.25, 0.0]);
-        assert_eq!(at(-1.0, 0.25), [0.75, 0.0, 0.25]);
-        assert_eq!(at(1.0, 1.0), [0.0, 0.5, 0.5]);
-        let inside = at(0.25, 0.5);
-        assert!(
-            inside
-                .iter()
-                .zip([0.25, 0.25, 0.5])
-                .all(|(a, b)| (a - b).abs() < 1e-12)
-        );
-    }
+/// The nearest point of the surface, its triangle and the weights of the corners.
+fn nearest(tree: &Tree, point: DVec3) -> Option<(DVec3, usize, [f64; 3])> {
+    let near = tree.closest(point, |_| true)?;
+    Some((near.position, near.triangle, near.barycentric))
 }

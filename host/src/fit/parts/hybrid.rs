@@ -10,8 +10,10 @@ use crate::clean::linear::Cholesky;
 
 /// Standard deviation of marker noise that a fit must bear, metres.
 pub(super) const NOISE: f64 = 0.5e-3;
-/// Blocks in which no marker has this weight keep their rest shape.
+/// Markers with less weight in every vertex of a block are left out of it, and those that move it
+/// by less than this on average, metres.
 const LEAST: f64 = 0.02;
+const LEAST_MOVE: f64 = 0.02e-3;
 
 /// Markers `[blocks]` of at most `most` each and their shares in eight vertices.
 ///
@@ -27,6 +29,7 @@ pub fn slots(
 ) -> SlotTables {
     let markers = weights.len();
     let gram = gram(residuals, markers);
+    let frames = residuals.len().max(1) as f64;
     let ridge = NOISE * NOISE * 3.0 * residuals.len().max(1) as f64;
     let mut out = SlotTables {
         starts: vec![0],
@@ -59,6 +62,10 @@ pub fn slots(
             let shares = full[marker][..LANES].iter();
             moved * shares.map(|share| share * share).sum::<f64>().sqrt()
         };
+        near.retain(|&marker| {
+            let moved = (gram[marker * markers + marker] / frames).sqrt();
+            moved * strength(marker) >= LEAST_MOVE
+        });
         near.sort_by(|&a, &b| effect(b).total_cmp(&effect(a)).then(a.cmp(&b)));
         near.truncate(most);
         near.sort_unstable();

@@ -48,6 +48,10 @@ impl Default for Options {
     }
 }
 
+/// A part that moves a marker this much interpolates it.
+const MEMBER_WEIGHT: f64 = 0.05;
+/// Parts that move a vertex less do not move it.
+const LEAST_WEIGHT: f64 = 0.02;
 /// Least frames to learn from.
 const FEWEST_FRAMES: usize = 8;
 /// Residuals may be this much longer than any that was seen, and at least so long in metres.
@@ -121,17 +125,9 @@ pub fn learn(
 
     let memberships = weights::of_markers(segments, markers, rest, &owned);
     let glued = (markers, rest);
-    let exact = exact_mode(
-        mesh,
-        segments,
-        glued,
-        &memberships,
-        &skin,
-        &by_surface,
-        options,
-    )?;
-
     let fields = skin.biharmonic(markers)?;
+    let surface = (&skin, &by_surface[..], &fields[..]);
+    let exact = exact_mode(mesh, segments, glued, &memberships, surface, options.ridge);
     let order = patches::by_parts(&by_surface, &segments.vertex_weights);
     let blocks = patches::tables(order, &segments.vertex_weights, positions, normals);
     let most = options.hybrid_markers;
@@ -229,35 +225,15 @@ fn exact_mode(
     segments: &Segments,
     (markers, rest): (&[Glued], &[DVec3]),
     memberships: &[Vec<(u32, f64)>],
-    skin: &Skin,
-    by_surface: &[u32],
-    options: &Options,
-) -> Result<ModeData, PartsFitError> {
-    let values: Vec<Vec<f64>> = (0..segments.part_count())
-        .map(|part| {
-            let of = |row: &Vec<(u32, f64)>| {
-                let own = row.iter().find(|&&(other, _)| other as usize == part);
-                own.map_or(0.0, |own| own.1)
-            };
-            memberships.iter().map(of).collect()
-        })
-        .collect();
-    let mut fields = skin.harmonic(markers, &values)?;
-    let vertex_weights: Vec<Vec<(u32, f64)>> = (0..mesh.positions.len())
-        .map(|vertex| {
-            let all = fields.iter().enumerate();
-            let row = normalised(all.map(|(part, field)| (part as u32, field[vertex])));
-            // Nothing spreads to a component without markers; the rig knows better than nobody.
-            if row.is_empty() {
-                segments.vertex_weights[vertex].clone()
-            } else {
-                row
-            }
-        })
-        .collect();
-    for field in &mut fields {
-        field.fill(0.0);
-    }
+    (skin, by_surface, spread): (&Skin, &[u32], &[Vec<f64>]),
+    ridge: Ridge,
+) -> ModeData {
+    let vertex_weights = if segments.smooth {
+        segments.vertex_weights.clone()
+    } else {
+        spread_weights(segments, memberships, spread)
+    };
+    let mut fields = vec![vec![0.0; mesh.positions.len()]; segments.part_count()];
     for (vertex, row) in vertex_weights.iter().enumerate() {
         for &(part, weight) in row {
             fields[part as usize][vertex] = weight;
@@ -265,6 +241,45 @@ fn exact_mode(
     }
     let order = patches::by_parts(by_surface, &vertex_weights);
     let blocks = patches::tables(order, &vertex_weights, &mesh.positions, &mesh.normals);
-    let modes = exact::tables(&blocks, skin, memberships, rest, &fields, options.ridge);
-    Ok(ModeData::Exact { blocks, modes })
+    // A marker on which several parts act must be known to each, or one of them would miss it.
+    let members: Vec<Vec<(u32, f64)>> = markers
+        .iter()
+        .zip(memberships)
+        .map(|(marker, likely)| {
+            let mut row = likely.clone();
+            for (part, weight) in marker.weights_of(&vertex_weights) {
+                if weight >= MEMBER_WEIGHT && row.iter().all(|own| own.0 != part) {
+                    row.push((part, weight * weight));
+                }
+            }
+            row
+        })
+        .collect();
+    let modes = exact::tables(&blocks, skin, &members, rest, &fields, ridge);
+    ModeData::Exact { blocks, modes }
+}
+
+/// Weights of vertices from memberships of markers, spread biharmonically (the paper interpolates
+/// in the nearest triangle of the marker surface): smooth across borders.
+fn spread_weights(
+    segments: &Segments,
+    memberships: &[Vec<(u32, f64)>],
+    spread: &[Vec<f64>],
+) -> Vec<Vec<(u32, f64)>> {
+    let mut fields = vec![vec![0.0; segments.vertex_weights.len()]; segments.part_count()];
+    for (row, weights) in memberships.iter().zip(spread) {
+        for &(part, share) in row {
+            for (sum, weight) in fields[part as usize].iter_mut().zip(weights) {
+                *sum += share * weight;
+            }
+        }
+    }
+    let of = |(vertex, own): (usize, &Vec<(u32, f64)>)| {
+        let all = fields.iter().enumerate();
+        let near = all.map(|(part, field)| (part as u32, field[vertex]));
+        let row = normalised(near.filter(|&(_, weight)| weight >= LEAST_WEIGHT));
+        // Nothing spreads to where no marker is.
+        if row.is_empty() { own.clone() } else { row }
+    };
+    segments.vertex_weights.iter().enumerate().map(of).collect()
 }

@@ -8,7 +8,7 @@
 //! | --- | --- | --- |
 //! | [`segments`] | a rig, or labels of vertices | parts with the weights of vertices |
 //! | [`weights`] | motion of markers | which parts a marker belongs to |
-//! | [`spread`] | the surface | biharmonic and harmonic weights of markers over vertices |
+//! | [`spread`] | the surface | biharmonic weights of markers over vertices |
 //! | [`glue`] | a frame of markers | where they sit on the mesh |
 //! | [`rig`], [`hybrid`], [`exact`], [`collapsed`] | all of it | tables |
 //! | [`measure`](mod@measure) | all of it | errors on what was not seen |

@@ -6,22 +6,22 @@ use sinew_core::asset::NO_PARENT;
 use super::tables::RigTables;
 use super::{Glued, Segments};
 
-/// Members of a part count by their squared weight, from this weight on.
+/// Members of a part count by the fourth power of their weight, from this weight on.
 const LEAST_WEIGHT: f64 = 0.1;
-/// How much a joint counts among the markers of a part.
-const PIVOT_WEIGHT: f32 = 0.5;
+/// How much a joint counts in a part without markers.
+const PIVOT_WEIGHT: f32 = 1.0;
 /// Most parts that carry a marker.
 const MOST_CARRIERS: usize = 4;
 
-/// Tables for parts whose frames follow markers weighted by their squared weights: flesh near a
-/// joint moves with neither side and hardly counts. `rest`: `[markers]`, metres.
+/// Tables for parts whose frames follow markers weighted by the fourth power of their weights:
+/// flesh near a joint moves with neither side and hardly counts. `rest`: `[markers]`, metres.
 #[must_use]
 pub fn tables(segments: &Segments, markers: &[Glued], rest: &[DVec3], limit: f64) -> RigTables {
     let rows: Vec<Vec<(u32, f64)>> = markers.iter().map(|marker| segments.at(marker)).collect();
     let parent = |parent: &Option<usize>| parent.map_or(NO_PARENT, |parent| parent as u16);
     let pivot = |pivot: &Option<DVec3>| {
         let [x, y, z] = pivot.unwrap_or_default().as_vec3().to_array();
-        [x, y, z, if pivot.is_some() { PIVOT_WEIGHT } else { 0.0 }]
+        [x, y, z, f32::from(u8::from(pivot.is_some()))]
     };
     let mut tables = RigTables {
         rest: rest.iter().map(|p| p.as_vec3().to_array()).collect(),
@@ -39,12 +39,15 @@ pub fn tables(segments: &Segments, markers: &[Glued], rest: &[DVec3], limit: f64
                 && weight >= LEAST_WEIGHT
             {
                 tables.member_markers.push(marker as u16);
-                tables.member_weights.push((weight * weight) as f32);
+                tables.member_weights.push(weight.powi(4) as f32);
             }
         }
-        tables
-            .member_starts
-            .push(tables.member_markers.len() as u32);
+        let first = tables.member_starts[part] as usize;
+        let sum: f32 = tables.member_weights[first..].iter().sum();
+        // Many markers know better than a joint that flesh may have moved.
+        tables.pivots[part][3] *= PIVOT_WEIGHT / (1.0 + sum * sum);
+        let end = tables.member_markers.len() as u32;
+        tables.member_starts.push(end);
     }
     for row in &rows {
         let kept = &row[..row.len().min(MOST_CARRIERS)];

@@ -23,6 +23,8 @@ pub struct Segments {
     pub pivots: Vec<Option<DVec3>>,
     /// `[vertices]`: (part, weight), heaviest first; weights sum to one.
     pub vertex_weights: Vec<Vec<(u32, f64)>>,
+    /// Whether these weights are smooth, as a rig's are, and not mere labels.
+    pub smooth: bool,
 }
 
 impl Segments {
@@ -115,6 +117,7 @@ impl Segments {
                 })
                 .collect(),
             vertex_weights: of_vertices.iter().map(of_parts).collect(),
+            smooth: true,
         }
     }
 
@@ -127,6 +130,7 @@ impl Segments {
             names,
             parents,
             vertex_weights: labels.iter().map(|&label| vec![(label, 1.0)]).collect(),
+            smooth: false,
         }
     }
 

@@ -1,10 +1,9 @@
 //! How what is known at markers spreads over a surface.
 //!
 //! *Biharmonic* weights spread residuals: they interpolate the markers, are as smooth as can be
-//! between them, and fade where there is none (hands, face), so that nothing is extrapolated.
-//! *Harmonic* fields spread weights of parts: the paper interpolates in the nearest triangle of
-//! the marker surface; a harmonic field does that along the skin itself, stays between 0 and 1,
-//! and is smooth across borders.
+//! between them, and fade where there is none (hands, face), so that nothing is extrapolated. The
+//! same weights spread memberships in parts where no rig gives them. (Harmonic weights were tried:
+//! they have spikes at the markers.)
 
 use glam::DVec3;
 
@@ -12,7 +11,7 @@ use super::{Glued, PartsFitError};
 use crate::fit::laplace::cholesky::Cholesky;
 use crate::fit::laplace::graph::Graph;
 use crate::fit::laplace::operator::Laplacian;
-use crate::studio::body::weld;
+use crate::spatial::weld;
 use sinew_core::deform::parts::tangents_of;
 
 /// Weight of markers against smoothness, as a part of the mean diagonal.
@@ -125,23 +124,6 @@ impl Skin {
             })
             .collect();
         self.hold(lower, markers, &ones)
-    }
-
-    /// Harmonic fields `[fields][vertices]` that take `values` `[fields][markers]` at the markers.
-    ///
-    /// # Errors
-    /// A surface that cannot be factored.
-    pub fn harmonic(
-        &self,
-        markers: &[Glued],
-        values: &[Vec<f64>],
-    ) -> Result<Vec<Vec<f64>>, PartsFitError> {
-        let size = self.laplacian.size();
-        let mut lower = self.laplacian.harmonic(&vec![false; size]);
-        // A grain of mass: components without a marker stay at zero instead of undetermined.
-        let mass = self.laplacian.mass.iter().enumerate();
-        lower.extend(mass.map(|(at, mass)| (at as u32, at as u32, 1e-9 * mass)));
-        self.hold(lower, markers, values)
     }
 
     fn hold(
