@@ -6,7 +6,9 @@
 
 pub mod body;
 pub mod budgets;
+pub mod filming;
 pub mod gltf_oracle;
+pub mod hidden;
 pub mod human;
 pub mod laplacian;
 
