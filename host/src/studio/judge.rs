@@ -78,6 +78,36 @@ impl Key {
         })
     }
 
+    /// Whether the truth is that of a take's points; if not, why.
+    ///
+    /// # Errors
+    /// Frames or trajectories that the take does not have.
+    pub fn check(&self, take: &Take) -> Result<(), String> {
+        let (frames, columns) = (take.frame_count(), take.marker_count());
+        if self.truth.frame_count() != frames {
+            let found = self.truth.frame_count();
+            return Err(format!(
+                "the truth has {found} frames, the capture {frames}"
+            ));
+        }
+        for one in &self.trajectories {
+            for span in &one.spans {
+                let end = span.first_frame.saturating_add(span.frame_count);
+                if one.column >= columns || end > frames {
+                    return Err(format!(
+                        "a trajectory lies in column {}, frames {} to {end}; the capture has {columns} \
+                         columns and {frames} frames",
+                        one.column, span.first_frame
+                    ));
+                }
+                if span.marker.is_some_and(|at| at as usize >= self.truth.marker_count()) {
+                    return Err("a trajectory names a marker that the truth does not have".into());
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// `[columns][frames]`: whose points a column holds; ghosts are `None` as well.
     fn owners(&self) -> Vec<Vec<Option<u32>>> {
         let frames = self.truth.frame_count();

@@ -1,5 +1,7 @@
 //! Which tracks may be one marker, and what speaks for it.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 
 use super::carry::expect;
@@ -48,19 +50,28 @@ const LEAST_LN: f64 = 1.1;
 pub(super) fn within(tracks: &Tracks<'_>, rings: &[Ring], window: usize) -> Vec<(usize, usize)> {
     let mut ends: Vec<usize> = (0..tracks.fragments.len()).collect();
     ends.sort_unstable_by_key(|&at| tracks.fragments[at].end);
-    let mut pairs = Vec::new();
+    let mut pairs: HashMap<(usize, usize), bool> = HashMap::new();
     for (later, fragment) in tracks.fragments.iter().enumerate() {
         let start = fragment.start;
         let from = ends.partition_point(|&at| tracks.fragments[at].end + window < start);
         let to = ends.partition_point(|&at| tracks.fragments[at].end <= start);
         for &earlier in &ends[from..to] {
             let (a, b) = (tracks.track_of[earlier], tracks.track_of[later]);
-            if a != b && is_near(tracks, &rings[a], later) {
-                pairs.push((a.min(b), a.max(b)));
+            if a != b {
+                let known = pairs.entry((a.min(b), a.max(b)));
+                known.or_insert_with(|| may_be_one(tracks, a, b) && is_near(tracks, &rings[a], later));
             }
         }
     }
-    finish(tracks, pairs)
+    let mut pairs: Vec<(usize, usize)> = pairs.into_iter().filter(|p| p.1).map(|p| p.0).collect();
+    pairs.sort_unstable();
+    pairs
+}
+
+/// Whether two tracks are never seen together and not both named.
+fn may_be_one(tracks: &Tracks<'_>, a: usize, b: usize) -> bool {
+    let both_named = tracks.named[a].is_some() && tracks.named[b].is_some();
+    !both_named && tracks.are_disjoint(a, b)
 }
 
 /// Pairs of disjoint tracks with neighbours in common, whatever lies between them. Quadratic in
@@ -70,7 +81,7 @@ pub(super) fn all(tracks: &Tracks<'_>, rings: &[Ring]) -> Vec<(usize, usize)> {
     let mut pairs = Vec::new();
     for (at, &a) in alive.iter().enumerate() {
         for &b in &alive[at + 1..] {
-            if tracks.are_disjoint(a, b) {
+            if may_be_one(tracks, a, b) {
                 let (host, guest) = ordered(tracks, a, b);
                 let near = |&at: &usize| is_near(tracks, &rings[host], at);
                 if thinned(&tracks.members[guest], PARTS).iter().any(near) {
@@ -79,16 +90,6 @@ pub(super) fn all(tracks: &Tracks<'_>, rings: &[Ring]) -> Vec<(usize, usize)> {
             }
         }
     }
-    finish(tracks, pairs)
-}
-
-fn finish(tracks: &Tracks<'_>, mut pairs: Vec<(usize, usize)>) -> Vec<(usize, usize)> {
-    pairs.sort_unstable();
-    pairs.dedup();
-    pairs.retain(|&(a, b)| {
-        let both_named = tracks.named[a].is_some() && tracks.named[b].is_some();
-        !both_named && tracks.are_disjoint(a, b)
-    });
     pairs
 }
 

@@ -6,6 +6,7 @@
 //! | stage | does |
 //! | --- | --- |
 //! | `fragments` | columns into runs without a gap or a jump |
+//! | `swaps` | where a run goes over to another marker |
 //! | `rings` | which tracks lie around a track, and how rigidly they move with it |
 //! | `carry` | where neighbours expect a track that is out of sight, and how surely |
 //! | `links` | how likely two tracks are one, against chance |
@@ -25,6 +26,7 @@ mod fragments;
 mod links;
 mod rings;
 mod rounds;
+mod swaps;
 mod tracks;
 
 pub use fragments::Fragment;
@@ -80,6 +82,19 @@ pub struct Decision {
     pub doubtful: bool,
 }
 
+/// A trajectory of the source that went over from one marker to another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Swap {
+    /// Column of the source.
+    pub column: usize,
+    /// First frame of the second marker.
+    pub frame: usize,
+    /// Marker of the result before it.
+    pub from: usize,
+    /// Marker of the result from it on.
+    pub to: usize,
+}
+
 /// What became of a take.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Merged {
@@ -91,17 +106,17 @@ pub struct Merged {
     pub owners: Vec<Option<usize>>,
     /// Merges, in the order in which they were made.
     pub decisions: Vec<Decision>,
-    /// Frames in which a trajectory of the source jumped (swaps): (column, frame).
+    /// Frames in which a trajectory of the source jumped and was cut: (column, frame).
     pub jumps: Vec<(usize, usize)>,
     /// The frame that shows most, where no column had a name.
     pub reference_frame: Option<usize>,
 }
 
-/// Seconds that an unexplained track must be seen to be a marker of its own.
+/// Seconds that a track must be seen to be a marker, whatever it does.
 const OWN_LIFE: f64 = 0.25;
-/// The same if it is seen again and again in one place, or in the reference frame.
+/// The same if it moves with the skin around it.
 const SHORT_LIFE: f64 = 0.1;
-/// How often that is.
+/// How often it must be seen in one place if it is seen more briefly still.
 const AGAIN: usize = 3;
 
 /// Merges the partial trajectories of a take.
@@ -144,8 +159,12 @@ pub fn merge(
         merged.reference_frame = options.reference_frame.or_else(fullest);
     }
     let mut tracks = Tracks::new(take, &merged.fragments, &named);
+    let found = swaps::find(&tracks, &rings::touches(&tracks), merged.fragments.len());
+    if !found.is_empty() {
+        merged.cut(&found);
+        tracks = Tracks::new(take, &merged.fragments, &named);
+    }
     let joined = rounds::run(&mut tracks, options, progress);
-    rounds::debug_pairs(&tracks);
     let markers = markers(&tracks, merged.reference_frame);
     merged.assign(&tracks, &markers, &joined);
     merged.take = trajectories(&tracks, &markers)?;
@@ -155,6 +174,7 @@ pub fn merge(
 /// Tracks that are markers, in order: named ones, those of the reference frame, the others by
 /// their first frame.
 fn markers(tracks: &Tracks<'_>, reference: Option<usize>) -> Vec<usize> {
+    let rings = rings::rings(tracks, &rings::touches(tracks));
     let rate = tracks.take().rate();
     let all = tracks.members.len();
     let mut named: Vec<usize> = (0..all).filter(|&t| tracks.named[t].is_some()).collect();
@@ -165,11 +185,14 @@ fn markers(tracks: &Tracks<'_>, reference: Option<usize>) -> Vec<usize> {
             continue;
         }
         let seconds = tracks.frame_count(track) as f64 / rate;
-        let shown = reference.is_some_and(|frame| tracks.position(track, frame).is_some());
         let again = tracks.members[track].len() >= AGAIN;
-        if shown && seconds >= SHORT_LIFE {
+        let brief = seconds >= SHORT_LIFE || again;
+        if !(seconds >= OWN_LIFE || brief && rounds::moves_with_skin(tracks, &rings[track], track)) {
+            continue;
+        }
+        if reference.is_some_and(|frame| tracks.position(track, frame).is_some()) {
             in_reference.push(track);
-        } else if seconds >= OWN_LIFE || again && seconds >= SHORT_LIFE {
+        } else {
             others.push(track);
         }
     }
@@ -207,6 +230,22 @@ fn trajectories(tracks: &Tracks<'_>, markers: &[usize]) -> Result<Take, TakeErro
 }
 
 impl Merged {
+    /// Cuts fragments at frames (fragment, frame), which ascend.
+    fn cut(&mut self, at: &[(usize, usize)]) {
+        for &(fragment, frame) in at.iter().rev() {
+            let whole = &mut self.fragments[fragment];
+            let rest = Fragment {
+                start: frame,
+                ..*whole
+            };
+            whole.end = frame;
+            self.jumps.push((rest.column, frame));
+            self.fragments.push(rest);
+        }
+        self.fragments.sort_by_key(|fragment| (fragment.start, fragment.column));
+        self.jumps.sort_unstable();
+    }
+
     fn assign(&mut self, tracks: &Tracks<'_>, markers: &[usize], joined: &[Joined]) {
         let mut marker_of = vec![None; tracks.members.len()];
         for (marker, &track) in markers.iter().enumerate() {
@@ -240,6 +279,28 @@ impl Merged {
     pub fn ghosts(&self) -> Vec<usize> {
         let all = 0..self.fragments.len();
         all.filter(|&at| self.owners[at].is_none()).collect()
+    }
+
+    /// Frames in which a trajectory of the source went over from one marker to another. Other jumps
+    /// were spikes, or ghosts.
+    #[must_use]
+    pub fn swaps(&self) -> Vec<Swap> {
+        let owner = |column: usize, frame: usize| {
+            let holds = |f: &Fragment| f.column == column && (f.start..f.end).contains(&frame);
+            let at = self.fragments.iter().position(holds)?;
+            self.owners[at]
+        };
+        let swap = |&(column, frame): &(usize, usize)| {
+            let from = owner(column, frame.checked_sub(1)?)?;
+            let to = owner(column, frame)?;
+            (from != to).then_some(Swap {
+                column,
+                frame,
+                from,
+                to,
+            })
+        };
+        self.jumps.iter().filter_map(swap).collect()
     }
 
     /// Merges that a person may want to look at.

@@ -3,9 +3,10 @@
 use super::super::fill::in_parallel;
 use super::choose::{Level, choose};
 use super::links::{Pair, all, compare, within};
-use super::rings::{rings, touches};
+use super::carry::carry;
+use super::rings::{Ring, rings, touches};
 use super::tracks::Tracks;
-use super::{MergeOptions, Progress};
+use super::{MergeOptions, OWN_LIFE, Progress};
 
 /// Seconds that may lie between two tracks, in turn: what is merged over short gaps carries what
 /// is merged over longer ones. At last any.
@@ -26,6 +27,9 @@ const fn level(odds: f64, margin: f64, factor: f64) -> Level {
 /// Odds, and difference to a rival's, below which a merge is doubtful.
 pub(super) const DOUBTFUL: [f64; 2] = [2.0, 1.5];
 
+/// Deviations within which a marker follows its neighbours.
+const WITH_SKIN: f64 = 4.0;
+
 /// A merge as it was decided.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Joined {
@@ -37,112 +41,101 @@ pub(super) struct Joined {
 }
 
 /// Merges until nothing more can be decided. The tracks that are left are markers or ghosts.
-pub(super) fn run(tracks: &mut Tracks<'_>, options: &MergeOptions, progress: &Progress<'_>) -> Vec<Joined> {
-    let mut joined = Vec::new();
-    if tracks.fragments.len() < 2 {
-        return joined;
-    }
-    let touches = touches(tracks);
-    let rate = tracks.take().rate();
-    let windows = WINDOWS.map(|seconds| Some((seconds * rate).ceil() as usize));
-    let steps = (windows.len() + 1) * LEVELS.len() + LAST.len();
-    let mut step = 0;
-    for window in windows.into_iter().chain([None]) {
-        for level in LEVELS {
-            while round(tracks, &touches, options, window, level, &mut joined) {}
-            step += 1;
-            progress(step as f64 / steps as f64);
-        }
-    }
-    for level in LAST {
-        while round(tracks, &touches, options, None, level, &mut joined) {
-            // What became sure by it comes first.
-            for level in LEVELS {
-                while round(tracks, &touches, options, None, level, &mut joined) {}
-            }
-        }
-        step += 1;
-        progress(step as f64 / steps as f64);
-    }
-    joined
-}
-
-/// One round; false if it decided nothing.
-fn round(
+pub(super) fn run(
     tracks: &mut Tracks<'_>,
-    touches: &[Vec<usize>],
     options: &MergeOptions,
-    window: Option<usize>,
-    level: Level,
-    joined: &mut Vec<Joined>,
-) -> bool {
-    let rings = rings(tracks, touches);
-    let candidates = match window {
-        Some(window) => within(tracks, &rings, window),
-        None => all(tracks, &rings),
+    progress: &Progress<'_>,
+) -> Vec<Joined> {
+    let touches = touches(tracks);
+    let mut work = Work {
+        tracks,
+        touches: &touches,
+        options,
+        joined: Vec::new(),
     };
-    let every: Vec<usize> = (0..candidates.len()).collect();
-    let pairs = in_parallel(&every, |at| {
-        let (a, b) = candidates[at];
-        compare(tracks, &rings, a, b)
-    });
-    let pairs: Vec<Pair> = pairs.into_iter().flatten().collect();
-    let near = |pair: &Pair| {
-        pair.mean <= level.factor * options.mean && pair.worst <= level.factor * options.every
-    };
-    let mut any = false;
-    for (pair, rival) in choose(tracks, &pairs, near, level) {
-        let Some(&fragment) = tracks.members[pair.guest].first() else {
-            continue;
-        };
-        // Earlier merges of this round may have moved either, or filled the place.
-        let Some(&host) = tracks.members[pair.host].first() else {
-            continue;
-        };
-        let (host, guest) = (tracks.track_of[host], tracks.track_of[fragment]);
-        if host != guest && tracks.are_disjoint(host, guest) {
-            tracks.join(host, guest);
-            joined.push(Joined {
-                fragment,
-                pair,
-                rival,
-            });
-            any = true;
-        }
+    let rate = work.tracks.take().rate();
+    let steps = (WINDOWS.len() + 2) as f64;
+    for (step, seconds) in WINDOWS.into_iter().enumerate() {
+        let window = Some((seconds * rate).ceil() as usize);
+        // What little a further round would join, the next window joins too.
+        while work.round(window, &LEVELS) > work.tracks.alive().len() / 50 {}
+        progress((step + 1) as f64 / steps);
     }
-    any
+    while work.round(None, &LEVELS) > 0 {}
+    progress(1.0 - 1.0 / steps);
+    while work.round(None, &[LEVELS.as_slice(), &LAST].concat()) > 0 {}
+    progress(1.0);
+    work.joined
 }
 
-pub(super) fn debug_pairs(tracks: &Tracks<'_>) {
-    let touches = touches(tracks);
-    let rings = rings(tracks, &touches);
-    let text = std::env::var("DEBUG_PAIRS").unwrap_or_default();
-    for pair in text.split(',').filter(|t| !t.is_empty()) {
-        // column:frame-column:frame
-        let ids: Vec<usize> = pair.split('-').map(|one| {
-            let mut it = one.split(':').map(|x| x.parse::<usize>().unwrap());
-            let (c, f) = (it.next().unwrap(), it.next().unwrap());
-            let at = tracks.fragments.iter().position(|g| g.column == c && g.start <= f && f < g.end).unwrap();
-            tracks.track_of[at]
-        }).collect();
-        let (a, b) = (ids[0], ids[1]);
-        eprintln!("pair {pair}: tracks {a} {b} disjoint {} frames {} {} {:?}", tracks.are_disjoint(a, b), tracks.frame_count(a), tracks.frame_count(b), compare(tracks, &rings, a, b));
-        eprintln!("  in all: {}", all(tracks, &rings).contains(&(a.min(b), a.max(b))));
-        for track in [a, b] {
-            eprintln!("  track {track} fragments {:?}", tracks.members[track].iter().map(|&m| (tracks.fragments[m].start, tracks.fragments[m].end)).collect::<Vec<_>>());
-        }
-        for other in tracks.alive() {
-            for one in [a, b] {
-                if other != one && tracks.are_disjoint(other, one) && let Some(p) = compare(tracks, &rings, one, other) && p.odds > -4.0 { eprintln!("  rival {one} {other} {p:?}"); }
+struct Work<'a, 't> {
+    tracks: &'a mut Tracks<'t>,
+    touches: &'a [Vec<usize>],
+    options: &'a MergeOptions,
+    joined: Vec<Joined>,
+}
+
+impl Work<'_, '_> {
+    /// Merges at the strictest level that allows any; how many.
+    fn round(&mut self, window: Option<usize>, levels: &[Level]) -> usize {
+        let rings = rings(self.tracks, self.touches);
+        let candidates = match window {
+            Some(window) => within(self.tracks, &rings, window),
+            None => all(self.tracks, &rings),
+        };
+        let every: Vec<usize> = (0..candidates.len()).collect();
+        let pairs = in_parallel(&every, |at| {
+            let (a, b) = candidates[at];
+            compare(self.tracks, &rings, a, b)
+        });
+        let pairs: Vec<Pair> = pairs.into_iter().flatten().collect();
+        for level in levels {
+            let chosen = choose(self.tracks, &pairs, |pair| self.allows(pair, *level), *level);
+            let count = self.join(&chosen);
+            if count > 0 {
+                return count;
             }
         }
-        for (x, y) in [(a, b), (b, a)] {
-            for at in &tracks.members[y] {
-                let f = tracks.fragments[*at];
-                for frame in [f.start, f.end - 1] {
-                    eprintln!("   expect {x} at {frame}: {:?} from {:?} vs {:?}", super::carry::expect(tracks, &rings[x], x, frame).map(|p| (p.position.distance(tracks.sample(*at, frame)), p.sigma, p.support)), tracks.sights(x, frame), rings[x].spacing);
-                }
-            }
-        }
+        0
     }
+
+    fn allows(&self, pair: &Pair, level: Level) -> bool {
+        // Two brief tracks that fit badly are ghosts rather than a marker.
+        let seconds = self.tracks.frame_count(pair.host) as f64 / self.tracks.take().rate();
+        pair.mean <= level.factor * self.options.mean
+            && pair.worst <= level.factor * self.options.every
+            && (level.odds >= LEVELS[2].odds || seconds >= OWN_LIFE)
+    }
+
+    fn join(&mut self, chosen: &[(Pair, f64)]) -> usize {
+        let before = self.joined.len();
+        for &(pair, rival) in chosen {
+            let first = |track: usize| self.tracks.members[track].first().copied();
+            // An earlier merge of this round may have taken in either.
+            let (Some(host), Some(fragment)) = (first(pair.host), first(pair.guest)) else {
+                continue;
+            };
+            let (host, guest) = (self.tracks.track_of[host], self.tracks.track_of[fragment]);
+            if self.tracks.are_disjoint(host, guest) {
+                self.tracks.join(host, guest);
+                self.joined.push(Joined {
+                    fragment,
+                    pair,
+                    rival,
+                });
+            }
+        }
+        self.joined.len() - before
+    }
+}
+
+/// Whether each part of a track is, at its end, where its neighbours carry its beginning.
+pub(super) fn moves_with_skin(tracks: &Tracks<'_>, ring: &Ring, track: usize) -> bool {
+    tracks.members[track].iter().all(|&at| {
+        let (from, to) = (tracks.fragments[at].start, tracks.fragments[at].end - 1);
+        let origin = tracks.sample(at, from);
+        carry(tracks, ring, origin, from, to).is_some_and(|expected| {
+            expected.position.distance(tracks.sample(at, to)) < WITH_SKIN * expected.sigma
+        })
+    })
 }
