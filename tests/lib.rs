@@ -6,6 +6,7 @@
 
 pub mod body;
 pub mod budgets;
+pub mod cases;
 pub mod filming;
 pub mod gltf_oracle;
 pub mod hidden;
