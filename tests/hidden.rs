@@ -115,7 +115,10 @@ pub fn judge_against(take: &Take, truth: &Take, hidden: &[Stretch], length: usiz
         joined.map(|part| part.expect("a judge")).collect()
     });
     let mut all = vec![Errors::default(); METHODS.len()];
-    for (whole, part) in parts.into_iter().flat_map(|part| part.into_iter().enumerate()) {
+    for (whole, part) in parts
+        .into_iter()
+        .flat_map(|part| part.into_iter().enumerate())
+    {
         all[whole].append(part);
     }
     all

@@ -219,7 +219,9 @@ pub enum DescriptionError {
     #[error("no JSON: {0}; give the studio.json that `sinew studio` wrote")]
     Json(#[from] serde_json::Error),
     /// It is no description of a capture.
-    #[error("trajectories.all, entry {0}, is not {{column, spans}}; give the studio.json that `sinew studio` wrote")]
+    #[error(
+        "trajectories.all, entry {0}, is not {{column, spans}}; give the studio.json that `sinew studio` wrote"
+    )]
     Trajectory(usize),
 }
 
@@ -245,7 +247,11 @@ pub fn read_trajectories(bytes: &[u8]) -> Result<Vec<Trajectory>, DescriptionErr
     let trajectory = |value: &Value| {
         Some(Trajectory {
             column: number(&value["column"])?,
-            spans: value["spans"].as_array()?.iter().map(span).collect::<Option<_>>()?,
+            spans: value["spans"]
+                .as_array()?
+                .iter()
+                .map(span)
+                .collect::<Option<_>>()?,
         })
     };
     let each = all.iter().enumerate();

@@ -100,7 +100,10 @@ impl Key {
                         one.column, span.first_frame
                     ));
                 }
-                if span.marker.is_some_and(|at| at as usize >= self.truth.marker_count()) {
+                if span
+                    .marker
+                    .is_some_and(|at| at as usize >= self.truth.marker_count())
+                {
                     return Err("a trajectory names a marker that the truth does not have".into());
                 }
             }
@@ -127,12 +130,17 @@ impl Key {
     pub fn labels(&self, merged: &Merged) -> Labels {
         let owners = self.owners();
         let mut votes: Vec<HashMap<u32, usize>> = vec![HashMap::new(); merged.take.marker_count()];
-        let mut given: Vec<Vec<Option<usize>>> =
-            owners.iter().map(|column| vec![None; column.len()]).collect();
+        let mut given: Vec<Vec<Option<usize>>> = owners
+            .iter()
+            .map(|column| vec![None; column.len()])
+            .collect();
         for (fragment, owner) in merged.fragments.iter().zip(&merged.owners) {
             let Some(marker) = *owner else { continue };
             given[fragment.column][fragment.start..fragment.end].fill(Some(marker));
-            for truth in owners[fragment.column][fragment.start..fragment.end].iter().flatten() {
+            for truth in owners[fragment.column][fragment.start..fragment.end]
+                .iter()
+                .flatten()
+            {
                 *votes[marker].entry(*truth).or_insert(0) += 1;
             }
         }

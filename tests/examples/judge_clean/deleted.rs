@@ -6,9 +6,9 @@ use sinew_host::clean::fill::{FillOptions, fill_markers};
 use sinew_host::clean::smooth::{SmoothOptions, smooth_markers};
 use sinew_host::studio::{MarkerLayout, MarkerSet};
 use sinew_host::take::Take;
+use sinew_tests::Random;
 use sinew_tests::filming::human;
 use sinew_tests::hidden::{Errors, METHODS, Stretch, judge_against, mean, quantile};
-use sinew_tests::Random;
 
 use crate::Options;
 use crate::labels::{MOTIONS, capture};
@@ -35,14 +35,22 @@ pub(crate) fn run(options: &Options) {
             if !options.wants(name) {
                 continue;
             }
-            let Some(capture) = capture(motion, seed) else { continue };
+            let Some(capture) = capture(motion, seed) else {
+                continue;
+            };
             let take = capture.labelled_take().expect("a take");
             let truth = capture.truth_take().expect("a take");
             for region in NAMES {
                 for length in [30, 100] {
                     let hidden = places(&take, &truth, region, length, seed);
                     if !hidden.is_empty() {
-                        row(&format!("{name} {seed} {region}"), &take, &truth, &hidden, length);
+                        row(
+                            &format!("{name} {seed} {region}"),
+                            &take,
+                            &truth,
+                            &hidden,
+                            length,
+                        );
                     }
                 }
             }

@@ -28,7 +28,11 @@ const PLACEMENTS: usize = 5;
 pub(crate) fn run(options: &Options) {
     println!("mean / median / 95 % in mm (mean over spacing); ! where the default loses");
     for seed in options.seeds_or(&[1]) {
-        for file in FILES.iter().chain(&OTHERS).filter(|file| options.wants(file)) {
+        for file in FILES
+            .iter()
+            .chain(&OTHERS)
+            .filter(|file| options.wants(file))
+        {
             let Some(take) = take(file) else { continue };
             println!("{file}, seed {seed}");
             for length in LENGTHS {

@@ -19,7 +19,12 @@ pub(crate) const MOTIONS: [(&str, &str, f64, f64); 6] = [
     ("kneel", "examples/data/kneel.bvh", 1.0, 0.0),
     ("bend", "../shared/data/bvh/yxz_test2.bvh", 0.5, 0.0),
     ("kneel, swaps", "examples/data/kneel.bvh", 1.5, 0.5),
-    ("walk12, swaps", "../shared/data/bvh/cmu_12_01_walk.bvh", 1.5, 0.5),
+    (
+        "walk12, swaps",
+        "../shared/data/bvh/cmu_12_01_walk.bvh",
+        1.5,
+        0.5,
+    ),
 ];
 
 /// A motion as filmed with one seed, `None` where its file is absent.
@@ -95,10 +100,11 @@ fn judge(name: &str, seed: u64, capture: &Capture) {
     );
     if std::env::var("FAULTS").is_ok() {
         for fault in &labels.faults {
-            let at = merged
-                .fragments
-                .iter()
-                .position(|f| f.column == fault.column && f.start <= fault.first_frame && fault.first_frame < f.end);
+            let at = merged.fragments.iter().position(|f| {
+                f.column == fault.column
+                    && f.start <= fault.first_frame
+                    && fault.first_frame < f.end
+            });
             let decision = at.and_then(|at| merged.decisions.iter().find(|d| d.fragment == at));
             println!("    {fault:?} {decision:?}");
         }

@@ -14,7 +14,9 @@ use crate::labels::capture;
 const SECONDS: f64 = 300.0;
 
 pub(crate) fn run() {
-    let Some(capture) = capture(1, 301) else { return };
+    let Some(capture) = capture(1, 301) else {
+        return;
+    };
     let take = there_and_back(&capture.take().expect("a take"));
     let start = Instant::now();
     let lap = |what: &str| println!("{what:>8} {:7.1} s", start.elapsed().as_secs_f64());
@@ -25,7 +27,11 @@ pub(crate) fn run() {
         take.frame_count() as f64 / take.rate()
     );
     let merged = merge(&take, &MergeOptions::default(), &|_| ()).expect("a merged take");
-    println!("{} partial trajectories, {} markers", merged.fragments.len(), merged.take.marker_count());
+    println!(
+        "{} partial trajectories, {} markers",
+        merged.fragments.len(),
+        merged.take.marker_count()
+    );
     lap("merge");
     let mut take = merged.take;
     despike(&mut take);
@@ -51,5 +57,6 @@ fn there_and_back(take: &Take) -> Take {
             (0..frames).map(move |frame| path[source(frame)])
         })
         .collect();
-    take.with_trajectories(take.labels().to_vec(), positions).expect("a take")
+    take.with_trajectories(take.labels().to_vec(), positions)
+        .expect("a take")
 }

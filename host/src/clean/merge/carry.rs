@@ -200,7 +200,9 @@ mod tests {
         };
         let moved = |p: DVec3| DVec3::new(1.04 * p.x, p.y + 1.0, p.z);
         let middle = DVec3::new(0.02, 0.0, 0.0);
-        let mut positions: Vec<DVec3> = (0..6).flat_map(|at| [corner(at), moved(corner(at))]).collect();
+        let mut positions: Vec<DVec3> = (0..6)
+            .flat_map(|at| [corner(at), moved(corner(at))])
+            .collect();
         positions.extend([middle, DVec3::NAN]);
         let labels = (0..7).map(|at| format!("*{at}")).collect();
         let take = Take::new(labels, 100.0, 2, positions).unwrap();

@@ -20,7 +20,13 @@ const JOINT: usize = 14;
 
 /// Whether two pairs exclude each other: they share a track, and what they add to it overlaps.
 fn conflict(tracks: &Tracks<'_>, a: &Pair, b: &Pair) -> bool {
-    let other = |pair: &Pair, track| if pair.host == track { pair.guest } else { pair.host };
+    let other = |pair: &Pair, track| {
+        if pair.host == track {
+            pair.guest
+        } else {
+            pair.host
+        }
+    };
     [a.host, a.guest].into_iter().any(|track| {
         (b.host == track || b.guest == track) && {
             let (x, y) = (other(a, track), other(b, track));
@@ -83,7 +89,10 @@ pub(super) fn choose(
     };
     // The surest first: it may turn a later one into a conflict.
     chosen.sort_by(|a, b| pairs[*b].odds.total_cmp(&pairs[*a].odds).then(a.cmp(b)));
-    chosen.into_iter().map(|at| (pairs[at], rival(at))).collect()
+    chosen
+        .into_iter()
+        .map(|at| (pairs[at], rival(at)))
+        .collect()
 }
 
 /// `[tracks]`: indices of their pairs.
@@ -100,7 +109,8 @@ fn grouped(pairs: &[Pair], track_count: usize) -> Vec<Vec<usize>> {
 fn best_of(tracks: &Tracks<'_>, pairs: &[Pair], mut group: Vec<usize>) -> Vec<usize> {
     group.sort_by(|a, b| pairs[*b].odds.total_cmp(&pairs[*a].odds).then(a.cmp(b)));
     let fits = |set: &[usize], at: usize| {
-        set.iter().all(|&other| !conflict(tracks, &pairs[other], &pairs[at]))
+        set.iter()
+            .all(|&other| !conflict(tracks, &pairs[other], &pairs[at]))
     };
     if group.len() > JOINT {
         let mut set = Vec::new();
@@ -164,7 +174,12 @@ mod tests {
         let take = Take::new(vec!["*1".into()], 100.0, 30, vec![DVec3::ZERO; 30]).unwrap();
         let tracks = Tracks::new(&take, &fragments, &[]);
         // Guest 2 is likeliest host 0's, but 3 can be nothing else.
-        let pairs = [pair(0, 2, 6.0), pair(1, 2, 5.0), pair(0, 3, 5.5), pair(2, 4, 9.0)];
+        let pairs = [
+            pair(0, 2, 6.0),
+            pair(1, 2, 5.0),
+            pair(0, 3, 5.5),
+            pair(2, 4, 9.0),
+        ];
         let level = |margin| Level {
             odds: 1.0,
             margin,

@@ -59,7 +59,9 @@ pub(super) fn within(tracks: &Tracks<'_>, rings: &[Ring], window: usize) -> Vec<
             let (a, b) = (tracks.track_of[earlier], tracks.track_of[later]);
             if a != b {
                 let known = pairs.entry((a.min(b), a.max(b)));
-                known.or_insert_with(|| may_be_one(tracks, a, b) && is_near(tracks, &rings[a], later));
+                known.or_insert_with(|| {
+                    may_be_one(tracks, a, b) && is_near(tracks, &rings[a], later)
+                });
             }
         }
     }
@@ -115,7 +117,9 @@ fn thinned(items: &[usize], count: usize) -> Vec<usize> {
         return items.to_vec();
     }
     let last = items.len() - 1;
-    (0..count).map(|at| items[at * last / (count - 1)]).collect()
+    (0..count)
+        .map(|at| items[at * last / (count - 1)])
+        .collect()
 }
 
 /// Frames at which a fragment is compared: dense at its ends, where the other track was or will be
@@ -144,7 +148,14 @@ pub(super) fn compare(tracks: &Tracks<'_>, rings: &[Ring], a: usize, b: usize) -
     for at in thinned(&tracks.members[guest], PARTS) {
         let Fragment { start, end, .. } = tracks.fragments[at];
         for frame in probes(start, end) {
-            if !sum.add(tracks, rings, host, frame, tracks.sample(at, frame), spacing) {
+            if !sum.add(
+                tracks,
+                rings,
+                host,
+                frame,
+                tracks.sample(at, frame),
+                spacing,
+            ) {
                 return None;
             }
         }

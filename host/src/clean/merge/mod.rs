@@ -138,10 +138,13 @@ pub fn merge(
     progress: &Progress<'_>,
 ) -> Result<Merged, TakeError> {
     if let Some(frame) = options.reference_frame {
-        assert!(frame < take.frame_count(), "reference frame {frame} does not exist");
+        assert!(
+            frame < take.frame_count(),
+            "reference frame {frame} does not exist"
+        );
     }
-    let (unnamed, named): (Vec<usize>, Vec<usize>) = (0..take.marker_count())
-        .partition(|&column| take.kinds()[column] == PointKind::Unlabelled);
+    let (unnamed, named): (Vec<usize>, Vec<usize>) =
+        (0..take.marker_count()).partition(|&column| take.kinds()[column] == PointKind::Unlabelled);
     let mut merged = Merged {
         take: take.clone(),
         fragments: Vec::new(),
@@ -187,7 +190,8 @@ fn markers(tracks: &Tracks<'_>, reference: Option<usize>) -> Vec<usize> {
         let seconds = tracks.frame_count(track) as f64 / rate;
         let again = tracks.members[track].len() >= AGAIN;
         let brief = seconds >= SHORT_LIFE || again;
-        if !(seconds >= OWN_LIFE || brief && rounds::moves_with_skin(tracks, &rings[track], track)) {
+        if !(seconds >= OWN_LIFE || brief && rounds::moves_with_skin(tracks, &rings[track], track))
+        {
             continue;
         }
         if reference.is_some_and(|frame| tracks.position(track, frame).is_some()) {
@@ -242,7 +246,8 @@ impl Merged {
             self.jumps.push((rest.column, frame));
             self.fragments.push(rest);
         }
-        self.fragments.sort_by_key(|fragment| (fragment.start, fragment.column));
+        self.fragments
+            .sort_by_key(|fragment| (fragment.start, fragment.column));
         self.jumps.sort_unstable();
     }
 

@@ -1,9 +1,9 @@
 //! Rounds of merging: the surest pairs of tracks first, short gaps before long ones.
 
 use super::super::fill::in_parallel;
+use super::carry::carry;
 use super::choose::{Level, choose};
 use super::links::{Pair, all, compare, within};
-use super::carry::carry;
 use super::rings::{Ring, rings, touches};
 use super::tracks::Tracks;
 use super::{MergeOptions, OWN_LIFE, Progress};
@@ -13,7 +13,11 @@ use super::{MergeOptions, OWN_LIFE, Progress};
 const WINDOWS: [f64; 3] = [0.1, 0.5, 2.0];
 
 /// From the sure to the likely. The last is used once all windows are done.
-const LEVELS: [Level; 3] = [level(4.0, 5.0, 0.6), level(2.5, 3.0, 1.0), level(1.0, 1.5, 1.0)];
+const LEVELS: [Level; 3] = [
+    level(4.0, 5.0, 0.6),
+    level(2.5, 3.0, 1.0),
+    level(1.0, 1.5, 1.0),
+];
 const LAST: [Level; 2] = [level(0.0, 0.0, 1.0), level(-2.0, 2.0, 1.5)];
 
 const fn level(odds: f64, margin: f64, factor: f64) -> Level {
@@ -90,7 +94,12 @@ impl Work<'_, '_> {
         });
         let pairs: Vec<Pair> = pairs.into_iter().flatten().collect();
         for level in levels {
-            let chosen = choose(self.tracks, &pairs, |pair| self.allows(pair, *level), *level);
+            let chosen = choose(
+                self.tracks,
+                &pairs,
+                |pair| self.allows(pair, *level),
+                *level,
+            );
             let count = self.join(&chosen);
             if count > 0 {
                 return count;

@@ -22,7 +22,11 @@ const TIMES: f64 = 4.0;
 /// Frames (fragment, frame) at which unnamed fragments begin to follow another marker, ascending.
 ///
 /// About samples times neighbours.
-pub(super) fn find(tracks: &Tracks<'_>, touches: &[Vec<usize>], unnamed: usize) -> Vec<(usize, usize)> {
+pub(super) fn find(
+    tracks: &Tracks<'_>,
+    touches: &[Vec<usize>],
+    unnamed: usize,
+) -> Vec<(usize, usize)> {
     let all: Vec<usize> = (0..unnamed).collect();
     let found = in_parallel(&all, |fragment| of(tracks, fragment, &touches[fragment]));
     let each = found.into_iter().enumerate();
@@ -35,7 +39,9 @@ fn of(tracks: &Tracks<'_>, fragment: usize, touched: &[usize]) -> Vec<usize> {
     let mut frames = Vec::new();
     let place = |at: usize, frame: usize| {
         let Fragment { start, end, .. } = tracks.fragments[at];
-        (start..end).contains(&frame).then(|| tracks.sample(at, frame))
+        (start..end)
+            .contains(&frame)
+            .then(|| tracks.sample(at, frame))
     };
     let bend = |at: usize, frame: usize| {
         let (before, after) = (place(at, frame - 1)?, place(at, frame + 1)?);
@@ -54,7 +60,10 @@ fn of(tracks: &Tracks<'_>, fragment: usize, touched: &[usize]) -> Vec<usize> {
             continue;
         }
         near.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let bends = near.iter().filter_map(|one| bend(one.1, frame)).take(COMPARED);
+        let bends = near
+            .iter()
+            .filter_map(|one| bend(one.1, frame))
+            .take(COMPARED);
         let (sum, count) = bends.fold((DVec3::ZERO, 0.0), |(sum, n), b| (sum + b, n + 1.0));
         if count > 0.0 && own.distance(sum / count) < WIDTH {
             continue;
@@ -75,7 +84,10 @@ fn is_step(tracks: &Tracks<'_>, fragment: usize, near: &[(f64, usize)], to: usiz
     let Fragment { start, end, .. } = tracks.fragments[fragment];
     let spacing = near.iter().take(3).map(|one| one.0.sqrt()).sum::<f64>() / 3.0;
     let ring = Ring {
-        members: near.iter().map(|&(d, at)| (tracks.track_of[at], (d + 1e-12).recip())).collect(),
+        members: near
+            .iter()
+            .map(|&(d, at)| (tracks.track_of[at], (d + 1e-12).recip()))
+            .collect(),
         spacing,
     };
     let departs = |from: usize, to: usize| {

@@ -52,7 +52,8 @@ impl<'a> Tracks<'a> {
     /// Tracks that have fragments.
     pub fn alive(&self) -> Vec<usize> {
         let all = 0..self.members.len();
-        all.filter(|&track| !self.members[track].is_empty()).collect()
+        all.filter(|&track| !self.members[track].is_empty())
+            .collect()
     }
 
     pub fn sample(&self, fragment: usize, frame: usize) -> DVec3 {
