@@ -13,6 +13,9 @@ pub(super) struct Level {
     pub margin: f64,
     /// Factor on the thresholds for distances.
     pub factor: f64,
+    /// Whether only tracks that are certainly markers are merged: that a marker is seen for long in
+    /// one part of a take alone is unlikely to begin with.
+    pub long: bool,
 }
 
 /// Pairs that are tried together exhaustively, at most.
@@ -184,6 +187,7 @@ mod tests {
             odds: 1.0,
             margin,
             factor: 1.0,
+            long: false,
         };
         let sure = choose(&tracks, &pairs, |_| true, level(2.0));
         assert_eq!(sure, [(pairs[3], f64::NEG_INFINITY)]);

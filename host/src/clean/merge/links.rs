@@ -32,8 +32,6 @@ const FRAMES: usize = 10;
 const BESIDE: usize = 8;
 /// How far around the neighbours a track may be, over spacing.
 const GATE: f64 = 3.0;
-/// Neighbours asked for it.
-const ASKED: usize = 12;
 /// Deviation, over spacing, from which on a place refutes nothing.
 const VAGUE: f64 = 0.5;
 /// Degrees of freedom of the distribution of places: heavier tails than a normal one, as the
@@ -100,7 +98,7 @@ fn is_near(tracks: &Tracks<'_>, ring: &Ring, fragment: usize) -> bool {
     let frame = tracks.fragments[fragment].start;
     let here = tracks.sample(fragment, frame);
     let reach = GATE * ring.spacing;
-    ring.members.iter().take(ASKED).any(|&(other, _)| {
+    ring.members.iter().any(|&(other, _)| {
         let place = tracks.position(other, frame);
         place.is_some_and(|place| place.distance_squared(here) < reach * reach)
     })

@@ -12,19 +12,26 @@ use super::{MergeOptions, OWN_LIFE, Progress};
 /// is merged over longer ones. At last any.
 const WINDOWS: [f64; 3] = [0.1, 0.5, 2.0];
 
-/// From the sure to the likely. The last is used once all windows are done.
+/// From the sure to the likely. The last two are used once all windows are done.
 const LEVELS: [Level; 3] = [
     level(4.0, 5.0, 0.6),
     level(2.5, 3.0, 1.0),
     level(1.0, 1.5, 1.0),
 ];
-const LAST: [Level; 2] = [level(0.0, 0.0, 1.0), level(-2.0, 2.0, 1.5)];
+const LAST: [Level; 2] = [
+    level(0.0, 0.0, 1.0),
+    Level {
+        long: true,
+        ..level(-3.0, 1.0, 1.5)
+    },
+];
 
 const fn level(odds: f64, margin: f64, factor: f64) -> Level {
     Level {
         odds,
         margin,
         factor,
+        long: false,
     }
 }
 
@@ -32,7 +39,7 @@ const fn level(odds: f64, margin: f64, factor: f64) -> Level {
 pub(super) const DOUBTFUL: [f64; 2] = [2.0, 1.5];
 
 /// Deviations within which a marker follows its neighbours.
-const WITH_SKIN: f64 = 4.0;
+const WITH_SKIN: f64 = 2.0;
 
 /// A merge as it was decided.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,12 +115,15 @@ impl Work<'_, '_> {
         0
     }
 
+    fn is_long(&self, track: usize) -> bool {
+        self.tracks.frame_count(track) as f64 >= OWN_LIFE * self.tracks.take().rate()
+    }
+
     fn allows(&self, pair: &Pair, level: Level) -> bool {
         // Two brief tracks that fit badly are ghosts rather than a marker.
-        let seconds = self.tracks.frame_count(pair.host) as f64 / self.tracks.take().rate();
         pair.mean <= level.factor * self.options.mean
             && pair.worst <= level.factor * self.options.every
-            && (level.odds >= LEVELS[2].odds || seconds >= OWN_LIFE)
+            && (level.odds >= LEVELS[2].odds || self.is_long(pair.host))
     }
 
     fn join(&mut self, chosen: &[(Pair, f64)]) -> usize {
