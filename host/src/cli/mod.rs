@@ -10,6 +10,7 @@ mod demo;
 mod inspect;
 mod live;
 mod load;
+mod markers;
 mod play;
 mod register;
 mod say;
