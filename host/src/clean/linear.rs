@@ -1,7 +1,7 @@
 //! Small dense linear algebra: symmetric positive definite solves and symmetric eigenvectors.
 
 /// Cholesky factor of a symmetric positive definite matrix, `[n x n]`, row-major, lower.
-pub(super) struct Cholesky {
+pub(crate) struct Cholesky {
     n: usize,
     lower: Vec<f64>,
 }

@@ -10,6 +10,7 @@ mod demo;
 mod inspect;
 mod load;
 mod play;
+mod rope;
 mod say;
 mod studio;
 mod verify;
@@ -28,6 +29,7 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew rope take.c3d --output rope.c3d            a rope among a person's markers
   sinew studio --mesh body.glb --motion walk.bvh --out capture
 
 Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
@@ -49,6 +51,7 @@ enum Command {
     Bake(bake::Bake),
     Clean(clean::Clean),
     Play(play::Play),
+    Rope(Box<rope::Rope>),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
     Studio(Box<studio::Studio>),
@@ -80,6 +83,7 @@ pub fn run() -> ExitCode {
         Command::Bake(command) => command.run(&say),
         Command::Clean(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
+        Command::Rope(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),

@@ -11,6 +11,7 @@ pub mod humanoid;
 pub mod laplace;
 mod names;
 pub mod retarget;
+pub mod rope;
 
 pub use correspond::{Correspondence, Drive};
 pub use error::{FitError, Which};

@@ -22,6 +22,8 @@ pub(super) const CANDIDATES: usize = 5;
 pub(super) const MISSING: usize = CANDIDATES;
 /// Cost of no point.
 pub(super) const COST_MISSING: f32 = 12.0;
+/// The same for a trace that is unsure of itself: better none than another's.
+const COST_UNSURE: f32 = 8.0;
 /// Most that being far from the prediction can cost: less than a missing point, for a jerk is not
 /// announced and a point whose neighbours agree is better than none.
 pub(super) const COST_FAR: f32 = 8.0;
@@ -53,6 +55,8 @@ pub(super) enum Goal {
         since: u16,
         /// Most that being far from `centre` can cost.
         most: f32,
+        /// Whether `centre` is a fill, or follows a point that may be another's.
+        is_unsure: bool,
     },
 }
 
@@ -107,6 +111,8 @@ pub(super) struct Found {
     pub(super) trace: usize,
     pub(super) point: u16,
     pub(super) margin: f32,
+    /// Squared distance from where the trace was expected.
+    pub(super) off: f32,
 }
 
 impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
@@ -158,10 +164,14 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             let others = costs.iter().enumerate().filter(|&(k, _)| k != slot);
             let next = others.fold(f32::MAX, |best, (_, &cost)| best.min(cost));
             let margin = next - own;
+            let candidates = self.candidates.at(i);
+            let surprise = candidates.get(slot).map_or(Vec3::ZERO, |c| c.surprise);
+            let off = dot(surprise, surprise);
             found(Found {
                 trace: i,
                 point,
                 margin,
+                off,
             });
         }
     }
@@ -196,11 +206,13 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 gate,
                 since,
                 most,
+                is_unsure,
             } => {
-                self.missing.set(i, COST_MISSING);
+                self.missing.set(i, if is_unsure { COST_UNSURE } else { COST_MISSING });
                 let scale = 1.0 / (doubt * doubt);
                 points.near(centre, gate, |point, surprise, square| {
-                    let cost = saturate(square * scale, most) + others.price(point, since, square);
+                    let stranger = others.price(point, since, square, is_unsure);
+                    let cost = saturate(square * scale, most) + stranger;
                     let place = list
                         .iter()
                         .take(count)

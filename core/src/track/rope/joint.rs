@@ -26,6 +26,8 @@ const LOST_GATE: f32 = 2.0;
 /// A trace with a gap that is less sure than this share of the spacing takes a point only beside
 /// a sure neighbour.
 const SURE: f32 = 0.35;
+/// Standard deviations that a point may lie off without a neighbour that vouches for it.
+const FAR: f32 = 3.5;
 /// That many neighbours that are found together vouch for each other.
 const VOUCHERS: usize = 3;
 /// Seconds with less than a quarter of the rope, and with less than three fifths, before the whole
@@ -65,7 +67,7 @@ pub(super) fn step<const TRACES: usize, const POINTS: usize>(
     track.trials.start(count, &track.pose);
     review(track, association, others, points);
     seek_lost(track, points);
-    others.learn(points);
+    others.learn(points, track);
 }
 
 /// Points for the traces that were measured a moment ago, from their own predictions.
@@ -95,6 +97,7 @@ fn follow<const TRACES: usize, const POINTS: usize>(
                     centre: track.predicted(i),
                     since: track.since.at(i),
                     most: COST_FAR,
+                    is_unsure: gap > 0 || track.is_unsure(i),
                     doubt,
                     gate: (GATE * doubt).max(narrowest).min(widest),
                 },
@@ -136,6 +139,7 @@ fn recover<const TRACES: usize, const POINTS: usize>(
                     centre: track.pose.now.at(i),
                     since: track.since.at(i),
                     most: f32::MAX,
+                    is_unsure: true,
                     doubt,
                     gate: (GATE * doubt).min(LOST_GATE * spacing),
                 },
@@ -182,9 +186,15 @@ fn associate<const TRACES: usize, const POINTS: usize>(
             };
             end += 1;
         }
+        // A jerk is not announced, but it moves neighbours alike: nobody goes far alone.
+        let vouched = end - begin > 1;
+        let is_far = |one: &Found| match goals.at(one.trace) {
+            Goal::Seek { doubt, .. } => one.off > FAR * FAR * doubt * doubt,
+            _ => false,
+        };
         if sure || end - begin >= VOUCHERS.min(count) {
             for i in begin..end {
-                if let Some(one) = found.at(i) {
+                if let Some(one) = found.at(i).filter(|one| vouched || !is_far(one)) {
                     enter(track, points, one);
                 }
             }
