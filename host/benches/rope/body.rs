@@ -43,9 +43,16 @@ impl Count {
 }
 
 pub fn print(thorough: bool) {
-    println!("\nSegmentation: skipping, 25 rope and 41 body markers, 100 Hz, 12 cameras, 0.5 mm noise,");
-    println!("5 % drop-outs in bursts, 5 % ghosts, occlusion by the body, points merged below 8 mm");
-    println!("{:>10} {:>5} {:>8} | wrong %  (rope, body, ghost) | visible but not taken %", "", "seed", "samples");
+    println!(
+        "\nSegmentation: skipping, 25 rope and 41 body markers, 100 Hz, 12 cameras, 0.5 mm noise,"
+    );
+    println!(
+        "5 % drop-outs in bursts, 5 % ghosts, occlusion by the body, points merged below 8 mm"
+    );
+    println!(
+        "{:>10} {:>5} {:>8} | wrong %  (rope, body, ghost) | visible but not taken %",
+        "", "seed", "samples"
+    );
     let seeds = if thorough { 1..=6 } else { 1..=1 };
     for way in Way::ALL {
         let mut total = Count::default();
@@ -56,7 +63,10 @@ pub fn print(thorough: bool) {
                 scene.seconds = 2.0;
             }
             let take = scene.film().expect("a stable rope");
-            let how = Disturbance { cameras: 12, ..Disturbance::rough(seed) };
+            let how = Disturbance {
+                cameras: 12,
+                ..Disturbance::rough(seed)
+            };
             let capture = take.capture(&how);
             let trace = run(&capture, way);
             let mut one = Count::default();

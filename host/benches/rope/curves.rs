@@ -14,14 +14,30 @@ const NOISES: [f64; 4] = [0.25, 0.5, 1.0, 2.0];
 const GAP: f64 = 0.3;
 
 pub fn print(thorough: bool) {
-    let (rates, noises) = if thorough { (&RATES[..], &NOISES[..]) } else { (&RATES[4..5], &NOISES[1..2]) };
+    let (rates, noises) = if thorough {
+        (&RATES[..], &NOISES[..])
+    } else {
+        (&RATES[4..5], &NOISES[1..2])
+    };
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     println!("\nOne interior marker missing for {GAP} s: mean mm");
     for case in CASES.iter().filter(|case| case.moderate) {
         let by_rate = rates.iter().map(|&rate| (rate, means(case, rate, 0.5)));
-        draw(case, "frames a second", by_rate.collect(), &folder.join(file(case, "rate")));
-        let by_noise = noises.iter().map(|&noise| (noise, means(case, 100.0, noise)));
-        draw(case, "noise of a coordinate, mm", by_noise.collect(), &folder.join(file(case, "noise")));
+        draw(
+            case,
+            "frames a second",
+            by_rate.collect(),
+            &folder.join(file(case, "rate")),
+        );
+        let by_noise = noises
+            .iter()
+            .map(|&noise| (noise, means(case, 100.0, noise)));
+        draw(
+            case,
+            "noise of a coordinate, mm",
+            by_noise.collect(),
+            &folder.join(file(case, "noise")),
+        );
     }
 }
 
@@ -38,7 +54,10 @@ fn means(case: &Case, rate: f64, noise_mm: f64) -> [f64; 3] {
 fn draw(case: &Case, x_label: &str, points: Vec<(f64, [f64; 3])>, path: &Path) {
     println!("{}, {x_label}", case.name);
     for (x, means) in &points {
-        println!("{x:>8} | {:7.2} {:7.2} {:7.2}", means[0], means[1], means[2]);
+        println!(
+            "{x:>8} | {:7.2} {:7.2} {:7.2}",
+            means[0], means[1], means[2]
+        );
     }
     let series = Way::ALL.iter().enumerate().map(|(at, way)| {
         let line = points.iter().map(|(x, means)| [*x, means[at]]);

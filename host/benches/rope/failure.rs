@@ -9,8 +9,13 @@ const START: usize = 250;
 const LENGTH: usize = 200;
 
 pub fn print() {
-    println!("\nFigure 4.3: 7 neighbours vanish at frame {START} and come back within {LENGTH} frames, 100 Hz");
-    println!("{:>24} {:>10} | worst mm | all right again after frames | wrong samples", "", "");
+    println!(
+        "\nFigure 4.3: 7 neighbours vanish at frame {START} and come back within {LENGTH} frames, 100 Hz"
+    );
+    println!(
+        "{:>24} {:>10} | worst mm | all right again after frames | wrong samples",
+        "", ""
+    );
     for case in CASES.iter().filter(|c| c.name.contains("brisk")) {
         let take = film(case, 100.0, 3);
         let middle = take.rope[0].len() / 2;

@@ -42,7 +42,11 @@ impl Score {
     pub fn cell(&self) -> String {
         let mut text = format!("{:6.1} {:6.0}", self.mean(), 1e3 * self.worst);
         let mark = |count: usize, letter: char| {
-            if count > 0 { format!("{count}{letter}") } else { String::new() }
+            if count > 0 {
+                format!("{count}{letter}")
+            } else {
+                String::new()
+            }
         };
         text += &format!(" {:>7}", mark(self.lost, 'L') + &mark(self.swapped, 'S'));
         text
@@ -69,11 +73,18 @@ fn gaps(take: &Take, length: usize, neighbours: usize, at_end: bool) -> Vec<(usi
 }
 
 /// Runs all ways on gaps of one kind.
-pub fn score(take: &Take, noise: f64, length: usize, neighbours: usize, at_end: bool) -> [Score; 3] {
+pub fn score(
+    take: &Take,
+    noise: f64,
+    length: usize,
+    neighbours: usize,
+    at_end: bool,
+) -> [Score; 3] {
     let gaps = gaps(take, length, neighbours, at_end);
     let hidden = |frame: usize, marker: usize| {
         let holds = |&(start, first): &(usize, usize)| {
-            (start..start + length).contains(&frame) && (first..first + neighbours).contains(&marker)
+            (start..start + length).contains(&frame)
+                && (first..first + neighbours).contains(&marker)
         };
         gaps.iter().any(holds)
     };
@@ -98,7 +109,10 @@ fn one(
     length: usize,
     marker: usize,
 ) -> Score {
-    let mut score = Score { traces: 1, ..Score::default() };
+    let mut score = Score {
+        traces: 1,
+        ..Score::default()
+    };
     for frame in start..start + length {
         let off = error(trace, take, frame, marker);
         score.sum += off;
@@ -118,7 +132,10 @@ fn one(
 
 fn table(case: &Case, rate: f64, at_end: bool, lengths: &[usize], neighbours: &[usize]) {
     let place = if at_end { "end" } else { "interior" };
-    println!("\n{}, {rate} Hz, {place}: mean mm, worst mm, traces lost (L), swapped (S)", case.name);
+    println!(
+        "\n{}, {rate} Hz, {place}: mean mm, worst mm, traces lost (L), swapped (S)",
+        case.name
+    );
     print!("{:>4} {:>5}", "gap", "miss");
     for way in Way::ALL {
         print!(" | {:^21}", way.name());
@@ -129,7 +146,10 @@ fn table(case: &Case, rate: f64, at_end: bool, lengths: &[usize], neighbours: &[
         for &length in lengths {
             let mut scores = [Score::default(); 3];
             for take in &takes {
-                for (total, one) in scores.iter_mut().zip(score(take, 0.0005, length, missing, at_end)) {
+                for (total, one) in scores
+                    .iter_mut()
+                    .zip(score(take, 0.0005, length, missing, at_end))
+                {
                     total.add(&one);
                 }
             }
@@ -140,9 +160,18 @@ fn table(case: &Case, rate: f64, at_end: bool, lengths: &[usize], neighbours: &[
             let bars = bars(length, missing);
             if case.moderate && !at_end && bars.iter().any(|bar| bar.is_finite()) {
                 let [_, live, both] = &scores;
-                let held = live.mean() <= bars[0] && both.mean() <= bars[1] && live.lost == 0 && both.lost == 0;
+                let held = live.mean() <= bars[0]
+                    && both.mean() <= bars[1]
+                    && live.lost == 0
+                    && both.lost == 0;
                 let word = if held { "held" } else { "MISSED" };
-                let number = |bar: f64| if bar < f64::MAX { bar.to_string() } else { "-".into() };
+                let number = |bar: f64| {
+                    if bar < f64::MAX {
+                        bar.to_string()
+                    } else {
+                        "-".into()
+                    }
+                };
                 print!(" | bar {} {} 0L: {word}", number(bars[0]), number(bars[1]));
             }
             println!();

@@ -18,12 +18,42 @@ pub struct Case {
 }
 
 pub const CASES: [Case; 6] = [
-    Case { name: "ribbon, moderate", motion: Motion::Ribbon, tempo: 0.6, moderate: true },
-    Case { name: "jumping rope, moderate", motion: Motion::Turned, tempo: 0.6, moderate: true },
-    Case { name: "ribbon, brisk", motion: Motion::Ribbon, tempo: 1.0, moderate: false },
-    Case { name: "jumping rope, brisk", motion: Motion::Turned, tempo: 1.0, moderate: false },
-    Case { name: "whip", motion: Motion::Whip, tempo: 1.0, moderate: false },
-    Case { name: "free fall", motion: Motion::FreeFall, tempo: 1.0, moderate: false },
+    Case {
+        name: "ribbon, moderate",
+        motion: Motion::Ribbon,
+        tempo: 0.6,
+        moderate: true,
+    },
+    Case {
+        name: "jumping rope, moderate",
+        motion: Motion::Turned,
+        tempo: 0.6,
+        moderate: true,
+    },
+    Case {
+        name: "ribbon, brisk",
+        motion: Motion::Ribbon,
+        tempo: 1.0,
+        moderate: false,
+    },
+    Case {
+        name: "jumping rope, brisk",
+        motion: Motion::Turned,
+        tempo: 1.0,
+        moderate: false,
+    },
+    Case {
+        name: "whip",
+        motion: Motion::Whip,
+        tempo: 1.0,
+        moderate: false,
+    },
+    Case {
+        name: "free fall",
+        motion: Motion::FreeFall,
+        tempo: 1.0,
+        moderate: false,
+    },
 ];
 
 pub fn film(case: &Case, rate: f64, seed: u64) -> Take {
@@ -74,7 +104,11 @@ fn align(trace: &mut Trace, capture: &Capture) {
         };
         Some((marker as i64, truth as i64))
     });
-    let slope: i64 = right.clone().zip(right.skip(1)).map(|(a, b)| b.1 - a.1).sum();
+    let slope: i64 = right
+        .clone()
+        .zip(right.skip(1))
+        .map(|(a, b)| b.1 - a.1)
+        .sum();
     if slope < 0 {
         for frame in &mut trace.frames {
             frame.reverse();
@@ -104,7 +138,10 @@ impl Way {
 
 /// A capture with noise alone, from which `hidden` markers are held back.
 pub fn capture(take: &Take, noise: f64, hidden: &dyn Fn(usize, usize) -> bool) -> Capture {
-    let how = Disturbance { noise, ..Disturbance::noise_only(1) };
+    let how = Disturbance {
+        noise,
+        ..Disturbance::noise_only(1)
+    };
     let mut capture = take.capture(&how);
     for (number, frame) in capture.frames.iter_mut().enumerate() {
         let keep: Vec<bool> = frame

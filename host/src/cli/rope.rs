@@ -131,7 +131,9 @@ fn selection(text: &str, take: &Take) -> Result<Selection, Failure> {
                     high: a.max(b),
                 })
             }
-            _ => Err(usage("give two corners in metres, as box:-1,0,-1,1,2,1".into())),
+            _ => Err(usage(
+                "give two corners in metres, as box:-1,0,-1,1,2,1".into(),
+            )),
         };
     }
     let Some(names) = text.strip_prefix("list:") else {
@@ -141,11 +143,23 @@ fn selection(text: &str, take: &Take) -> Result<Selection, Failure> {
         let found = take.labels().iter().position(|label| label == name.trim());
         found.ok_or_else(|| {
             let shown: Vec<&str> = take.labels().iter().take(12).map(String::as_str).collect();
-            let text = format!("there is no marker {name:?}; the take holds {}", shown.join(", "));
-            usage(text + if take.marker_count() > 12 { ", ..." } else { "" })
+            let text = format!(
+                "there is no marker {name:?}; the take holds {}",
+                shown.join(", ")
+            );
+            usage(
+                text + if take.marker_count() > 12 {
+                    ", ..."
+                } else {
+                    ""
+                },
+            )
         })
     };
-    let columns = names.split(',').map(column).collect::<Result<Vec<_>, _>>()?;
+    let columns = names
+        .split(',')
+        .map(column)
+        .collect::<Result<Vec<_>, _>>()?;
     if columns.len() < 3 {
         return Err(usage("list at least three markers".into()));
     }
@@ -155,9 +169,14 @@ fn selection(text: &str, take: &Take) -> Result<Selection, Failure> {
 impl Rope {
     pub fn run(self, say: &Say) -> Result<Value, Failure> {
         if !(self.radius > 1e-4 && self.radius <= 0.5) {
-            return Err(Failure::Usage("--radius must lie between 0.0001 and 0.5 m".into()));
+            return Err(Failure::Usage(
+                "--radius must lie between 0.0001 and 0.5 m".into(),
+            ));
         }
-        for path in [Some(&self.output), self.confidence.as_ref()].into_iter().flatten() {
+        for path in [Some(&self.output), self.confidence.as_ref()]
+            .into_iter()
+            .flatten()
+        {
             ending(path, &["c3d", "csv", "trc"])?;
         }
         let (take, notices) = load::take(&self.take, self.reading)?;
@@ -191,17 +210,20 @@ impl Rope {
         }))
     }
 
-    fn traces(
-        &self,
-        take: &Take,
-        points: &PointFrames,
-        say: &Say,
-    ) -> Result<Vec<Trace>, Failure> {
+    fn traces(&self, take: &Take, points: &PointFrames, say: &Say) -> Result<Vec<Trace>, Failure> {
         let published = self.method == Follow::Published;
         let ropes = self.select.iter().map(|text| {
             Ok(FollowOptions {
-                method: if published { Method::Published } else { Method::Joint },
-                order: if published && text != "auto" { Order::Height } else { Order::Spacing },
+                method: if published {
+                    Method::Published
+                } else {
+                    Method::Joint
+                },
+                order: if published && text != "auto" {
+                    Order::Height
+                } else {
+                    Order::Spacing
+                },
                 selection: selection(text, take)?,
                 markers: self.markers,
                 spacing: self.spacing,
@@ -217,7 +239,9 @@ impl Rope {
         }
         let traces = both_ways(points, &traces).map_err(|error| fault(&self.take, &error))?;
         bar.inc(1);
-        let repaired = traces.iter().map(|trace| repair(trace, &RepairOptions::default()));
+        let repaired = traces
+            .iter()
+            .map(|trace| repair(trace, &RepairOptions::default()));
         let repaired = repaired.collect();
         bar.finish_and_clear();
         Ok(repaired)
@@ -227,9 +251,19 @@ impl Rope {
         write_take(&separated.rope, &self.output)?;
         say.line(format!("wrote {}", self.output.display()));
         if separated.others.marker_count() > 0 {
-            let stem = self.output.file_stem().unwrap_or_default().to_string_lossy();
-            let ending = self.output.extension().unwrap_or_default().to_string_lossy();
-            let path = self.output.with_file_name(format!("{stem}.others.{ending}"));
+            let stem = self
+                .output
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy();
+            let ending = self
+                .output
+                .extension()
+                .unwrap_or_default()
+                .to_string_lossy();
+            let path = self
+                .output
+                .with_file_name(format!("{stem}.others.{ending}"));
             write_take(&separated.others, &path)?;
             let markers = separated.others.marker_count();
             say.line(format!("wrote {} ({markers} markers)", path.display()));
@@ -252,7 +286,11 @@ impl Rope {
             None => None,
         };
         for (rope, trace) in traces.iter().enumerate() {
-            let name = if rope == 0 { "rope".to_owned() } else { format!("rope{}", rope + 1) };
+            let name = if rope == 0 {
+                "rope".to_owned()
+            } else {
+                format!("rope{}", rope + 1)
+            };
             let Some(tube) = tube(trace, &name, &options) else {
                 continue;
             };
@@ -265,7 +303,10 @@ impl Rope {
             return Ok(());
         };
         if let Some(path) = &self.glb {
-            let clips = scene.clips.get(self.clip..=self.clip).unwrap_or(&scene.clips);
+            let clips = scene
+                .clips
+                .get(self.clip..=self.clip)
+                .unwrap_or(&scene.clips);
             let file = write_glb_of(&scene, clips)?;
             write_atomic(path, |out| Ok(out.write_all(&file)?))?;
             say.line(format!("wrote {}", path.display()));
@@ -309,11 +350,19 @@ fn body(path: &Path, say: &Say) -> Result<Avatar, Failure> {
 }
 
 fn ending(path: &Path, known: &[&str]) -> Result<String, Failure> {
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    let ending = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
     if known.contains(&ending.as_str()) {
         Ok(ending)
     } else {
-        let text = format!("{}: the name must end in .{}", path.display(), known.join(", ."));
+        let text = format!(
+            "{}: the name must end in .{}",
+            path.display(),
+            known.join(", .")
+        );
         Err(Failure::Usage(text))
     }
 }

@@ -6,6 +6,7 @@ pub mod dual;
 pub mod laplacian;
 pub mod morph;
 pub mod pose;
+pub mod rope;
 pub mod skin;
 mod unpack;
 

@@ -31,6 +31,8 @@ const CERTAIN: f32 = 0.15;
 const RECENT: u16 = 2;
 /// That near to where a missing trace is believed to be, metres, a point may be the rope's.
 const AMBIGUOUS: f32 = 0.025;
+/// Frames in which everything is once compared with the rope.
+const TURNS: usize = 8;
 /// Seconds that a hidden one is remembered.
 const MEMORY: f32 = 0.4;
 /// Most that being hidden adds to its reach, metres.
@@ -39,7 +41,7 @@ const WIDEST: f32 = 0.02;
 const COMPANIONS: usize = 3;
 const AROUND: f32 = 0.25;
 /// Hidden ones whose companions are sought in a frame.
-const MOST_SOUGHT: usize = 12;
+pub(super) const MOST_SOUGHT: usize = 12;
 
 #[derive(Clone, Copy, Debug)]
 struct Other {
@@ -52,6 +54,21 @@ struct Other {
     hidden: u16,
     /// Its point in this frame.
     point: u16,
+    /// Bit `i` is set once it was farther from a neighbour of trace `i` than the rope allows.
+    excluded: [u64; 4],
+}
+
+impl Other {
+    fn is_excluded(&self, trace: usize) -> bool {
+        let word = self.excluded.get(trace / 64).copied().unwrap_or(0);
+        word >> (trace % 64) & 1 == 1
+    }
+
+    fn exclude(&mut self, trace: usize) {
+        if let Some(word) = self.excluded.get_mut(trace / 64) {
+            *word |= 1 << (trace % 64);
+        }
+    }
 }
 
 /// A point's history: frames, 0 for none, and the squared distance from where it was expected.
@@ -61,6 +78,8 @@ struct Claim {
     square: f32,
     /// The thing was seen a moment ago and lies where it was expected.
     is_firm: bool,
+    /// Place of the thing in the list.
+    other: u16,
 }
 
 #[derive(Clone, Debug)]
@@ -72,6 +91,7 @@ pub(super) struct Others<const POINTS: usize> {
     memory: u16,
     /// Share of certainty that a frame brings.
     sureness: f32,
+    turn: usize,
 }
 
 impl<const POINTS: usize> Others<POINTS> {
@@ -81,6 +101,7 @@ impl<const POINTS: usize> Others<POINTS> {
             claims: Row::new(),
             reach: NEAR + JERK / (rate * rate),
             memory: (MEMORY * rate) as u16 + 1,
+            turn: 0,
             sureness: (1.0 / (CERTAIN * rate)).min(1.0),
         }
     }
@@ -96,8 +117,22 @@ impl<const POINTS: usize> Others<POINTS> {
     /// expected at the squared distance `square` from it. A trace that `is_unsure` of itself has no
     /// say where the other was expected.
     #[inline]
-    pub(super) fn price(&self, point: u16, since: u16, square: f32, is_unsure: bool) -> f32 {
+    pub(super) fn price(
+        &self,
+        point: u16,
+        trace: usize,
+        since: u16,
+        square: f32,
+        is_unsure: bool,
+    ) -> f32 {
         let claim = self.claims.at(usize::from(point));
+        let other = self.list.get(usize::from(claim.other));
+        if claim.age > 0
+            && claim.square < CONTESTED * CONTESTED
+            && other.is_some_and(|other| other.is_excluded(trace))
+        {
+            return COST_OTHER;
+        }
         if claim.age <= since.saturating_add(1) {
             return 0.0;
         }
@@ -135,7 +170,11 @@ impl<const POINTS: usize> Others<POINTS> {
                 continue;
             };
             // Those beyond coast: the work of a frame is bounded.
-            let step = if sought < MOST_SOUGHT { self.drift(&other, points) } else { None };
+            let step = if sought < MOST_SOUGHT {
+                self.drift(&other, points)
+            } else {
+                None
+            };
             sought += 1;
             let step = step.unwrap_or(other.velocity);
             if let Some(other) = self.list.get_mut(index) {
@@ -147,13 +186,7 @@ impl<const POINTS: usize> Others<POINTS> {
         points.release_all();
     }
 
-    fn match_one(
-        &mut self,
-        index: usize,
-        expected: Vec3,
-        reach: f32,
-        points: &mut Points<POINTS>,
-    ) {
+    fn match_one(&mut self, index: usize, expected: Vec3, reach: f32, points: &mut Points<POINTS>) {
         let Some(other) = self.list.get_mut(index) else {
             return;
         };
@@ -165,7 +198,12 @@ impl<const POINTS: usize> Others<POINTS> {
             let off = points.at(usize::from(point)) - expected;
             let square = dot(off, off);
             let is_firm = other.hidden <= RECENT && square < CONTESTED * CONTESTED;
-            let claim = Claim { age: other.age, square, is_firm };
+            let claim = Claim {
+                age: other.age,
+                square,
+                is_firm,
+                other: index as u16,
+            };
             self.claims.set(usize::from(point), claim);
         }
     }
@@ -230,6 +268,7 @@ impl<const POINTS: usize> Others<POINTS> {
             // What was seen for a moment only is forgotten as soon.
             other.hidden <= memory.min(other.seen)
         });
+        self.exclude_some(track);
         for point in 0..points.count() {
             if self.claims.at(point).age == 0 && !points.is_claimed(point) {
                 let _ = self.list.push(Other {
@@ -239,7 +278,39 @@ impl<const POINTS: usize> Others<POINTS> {
                     seen: 1,
                     hidden: 0,
                     point: NONE,
+                    excluded: [0; 4],
                 });
+            }
+        }
+    }
+}
+
+impl<const POINTS: usize> Others<POINTS> {
+    /// A rope does not stretch: what is too far from a marker cannot be the next one, now or later.
+    /// Takes one thing in [`TURNS`] a frame.
+    fn exclude_some<const TRACES: usize>(&mut self, track: &Track<TRACES>) {
+        self.turn = (self.turn + 1) % TURNS;
+        let measures = &track.measures;
+        let limit = |segment: usize| {
+            let most = 1.08 * measures.length.at(segment) + 0.008;
+            most * most
+        };
+        for other in self.list.iter_mut().skip(self.turn).step_by(TURNS) {
+            if other.hidden > 0 {
+                continue;
+            }
+            for i in 0..measures.count {
+                if !track.pose.known.at(i) || track.since.at(i) > 0 {
+                    continue;
+                }
+                let off = track.pose.now.at(i) - other.position;
+                let square = dot(off, off);
+                if i > 0 && square > limit(i - 1) {
+                    other.exclude(i - 1);
+                }
+                if square > limit(i) {
+                    other.exclude(i + 1);
+                }
             }
         }
     }

@@ -98,8 +98,7 @@ fn update_trust<const TRACES: usize, const POINTS: usize>(
             link_price(track, points, k, &track.point).is_none_or(|price| price < SUSPICIOUS)
         };
         let contested = others.is_contested(track.point.at(i), track.since.at(i));
-        let quiet =
-            track.pose.known.at(i) && fine(i) && fine(i.wrapping_sub(1)) && !contested;
+        let quiet = track.pose.known.at(i) && fine(i) && fine(i.wrapping_sub(1)) && !contested;
         let streak = if quiet {
             track.streak.at(i).saturating_add(1)
         } else {
@@ -169,7 +168,8 @@ fn price<const TRACES: usize, const POINTS: usize>(
         } else {
             let off = points.at(usize::from(point)) - track.pose.now.at(i);
             let square = dot(off, off);
-            sum += square / (near * near) + others.price(point, track.since.at(i), square, is_unsure(track, i));
+            sum += square / (near * near)
+                + others.price(point, i, track.since.at(i), square, is_unsure(track, i));
         }
         sum += link_price(track, points, i, labels).unwrap_or_default();
     }

@@ -123,7 +123,10 @@ pub(super) fn samples_csv(traces: &[Trace]) -> String {
 pub(super) fn timeline(traces: &[Trace], name: &str) -> Timeline {
     let mut rows = Vec::new();
     for (rope, trace) in traces.iter().enumerate() {
-        for (marker, name) in marker_names(rope, trace.marker_count()).into_iter().enumerate() {
+        for (marker, name) in marker_names(rope, trace.marker_count())
+            .into_iter()
+            .enumerate()
+        {
             let mut spans: Vec<[f64; 2]> = Vec::new();
             for (frame, samples) in trace.frames.iter().enumerate() {
                 let (from, to) = (frame as f64 / trace.rate, (frame + 1) as f64 / trace.rate);

@@ -1,11 +1,13 @@
 //! A second pass, backwards in time: what comes out of a gap is easier to follow into it.
 //!
 //! Where the two passes disagree, the labelling whose segments fit the rope's lengths better is
-//! taken for the whole stretch of disagreement; what only one of them has measured is kept.
+//! taken for the whole stretch of disagreement; what only one of them has measured is kept. Then
+//! whole tracklets are reconsidered.
 
 use sinew_core::track::rope::Config;
 
 use super::follow::{check_points, run};
+use super::tracklets::reconsider;
 use super::{PointFrames, RopeError, RopeSample, Trace};
 
 /// Price of a marker without a point, against the square of a link's error in standard deviations.
@@ -27,7 +29,12 @@ pub fn both_ways(frames: &PointFrames, forward: &[Trace]) -> Result<Vec<Trace>, 
     let mut merged = forward.to_vec();
     for rope in 0..forward.len() {
         let trace = {
-            let others = || merged.iter().enumerate().filter(|(other, _)| *other != rope);
+            let others = || {
+                merged
+                    .iter()
+                    .enumerate()
+                    .filter(|(other, _)| *other != rope)
+            };
             let taken = |frame: usize, point: usize| {
                 let mut samples = others().flat_map(|(_, trace)| &trace.frames[frame]);
                 samples.any(|sample| sample.point() == Some(point))
@@ -83,6 +90,7 @@ fn both_ways_of(
         complete(samples, &forward.frames[at]);
         complete(samples, &backward[at]);
     }
+    reconsider(&mut merged, frames);
     Ok(merged)
 }
 

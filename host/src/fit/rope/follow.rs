@@ -127,9 +127,8 @@ fn find(
             let mut phase = Phase::Starting;
             for frame in first..(first + window).min(frames.frame_count()) {
                 let points = frames.points[frame].iter().enumerate();
-                let selected = points.filter(|(place, point)| {
-                    options.is_selected(**point) && !taken(frame, *place)
-                });
+                let selected = points
+                    .filter(|(place, point)| options.is_selected(**point) && !taken(frame, *place));
                 let list: Vec<[f32; 3]> = selected.map(|(_, p)| single(*p)).collect();
                 phase = starter.step(&list).phase;
             }
@@ -178,9 +177,13 @@ fn listed(frames: &PointFrames, columns: &[usize]) -> Result<Found, RopeError> {
         while !left.is_empty() {
             let tip = walk[walk.len() - 1];
             let away = left.iter().map(|p| p.distance(tip)).enumerate();
-            let (next, step) = away.fold((0, f64::INFINITY), |best, one| {
-                if one.1 < best.1 { one } else { best }
-            });
+            let (next, step) =
+                away.fold(
+                    (0, f64::INFINITY),
+                    |best, one| {
+                        if one.1 < best.1 { one } else { best }
+                    },
+                );
             length += step;
             walk.push(left.swap_remove(next));
         }
@@ -189,7 +192,11 @@ fn listed(frames: &PointFrames, columns: &[usize]) -> Result<Found, RopeError> {
     let shortest = walks.min_by(|a, b| a.0.total_cmp(&b.0));
     Ok(Found {
         frame,
-        markers: shortest.into_iter().flat_map(|(_, walk)| walk).map(single).collect(),
+        markers: shortest
+            .into_iter()
+            .flat_map(|(_, walk)| walk)
+            .map(single)
+            .collect(),
     })
 }
 
@@ -275,8 +282,22 @@ fn follow_free(
     let count = frames.frame_count();
     let mut samples = vec![Vec::new(); count];
     let mut keep = |frame: usize, list| samples[frame] = list;
-    run(config, frames, &found.markers, found.frame..count, taken, &mut keep)?;
-    run(config, frames, &found.markers, (0..found.frame).rev(), taken, &mut keep)?;
+    run(
+        config,
+        frames,
+        &found.markers,
+        found.frame..count,
+        taken,
+        &mut keep,
+    )?;
+    run(
+        config,
+        frames,
+        &found.markers,
+        (0..found.frame).rev(),
+        taken,
+        &mut keep,
+    )?;
     Ok(Trace {
         rate: frames.rate,
         start: found.frame,
@@ -288,10 +309,7 @@ fn follow_free(
 ///
 /// # Errors
 /// As [`follow`]; each of the ropes must be found.
-pub fn follow_all(
-    frames: &PointFrames,
-    ropes: &[FollowOptions],
-) -> Result<Vec<Trace>, RopeError> {
+pub fn follow_all(frames: &PointFrames, ropes: &[FollowOptions]) -> Result<Vec<Trace>, RopeError> {
     let mut traces: Vec<Trace> = Vec::with_capacity(ropes.len());
     for options in ropes {
         let trace = {

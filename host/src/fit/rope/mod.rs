@@ -16,6 +16,9 @@ pub mod follow;
 pub mod points;
 pub mod repair;
 pub mod separate;
+#[cfg(test)]
+mod tests;
+mod tracklets;
 pub mod tube;
 
 use glam::DVec3;

@@ -202,8 +202,16 @@ impl Grid {
             return gap.frames.clone().map(|f| (f, track[f], 1.0)).collect();
         }
         let (from, to) = (track[start - 1], track[end]);
-        let before = if start > 1 && seen(start - 2) { from - track[start - 2] } else { DVec3::ZERO };
-        let after = if seen(end + 1) { track[end + 1] - to } else { DVec3::ZERO };
+        let before = if start > 1 && seen(start - 2) {
+            from - track[start - 2]
+        } else {
+            DVec3::ZERO
+        };
+        let after = if seen(end + 1) {
+            track[end + 1] - to
+        } else {
+            DVec3::ZERO
+        };
         // Accelerations of 20 m/s2 that nobody sees.
         let doubt = 20.0 * (length / self.rate).powi(2) / 8.0;
         let sample = |frame: usize| {
@@ -223,10 +231,20 @@ impl Grid {
         let from = gap.frames.start.saturating_sub(stride);
         let to = (gap.frames.end + stride).min(self.frames);
         let usable = |&marker: &usize| self.known[marker][from..to].iter().all(|&k| k);
-        let left: Vec<usize> = (0..gap.marker).rev().filter(usable).take(SUPPORTS + 1).collect();
+        let left: Vec<usize> = (0..gap.marker)
+            .rev()
+            .filter(usable)
+            .take(SUPPORTS + 1)
+            .collect();
         let right = gap.marker + 1..self.known.len();
         let right: Vec<usize> = right.filter(usable).take(SUPPORTS + 1).collect();
-        let most = |other: &[usize]| if other.is_empty() { SUPPORTS + 1 } else { SUPPORTS };
+        let most = |other: &[usize]| {
+            if other.is_empty() {
+                SUPPORTS + 1
+            } else {
+                SUPPORTS
+            }
+        };
         let (on_left, on_right) = (most(&right), most(&left));
         let mut all: Vec<usize> = left.into_iter().take(on_left).collect();
         all.extend(right.into_iter().take(on_right));
@@ -251,7 +269,11 @@ impl Grid {
             };
             for sweep in 0..SWEEPS {
                 for step in 0..lengths.len() {
-                    let i = if sweep % 2 == 0 { step } else { lengths.len() - 1 - step };
+                    let i = if sweep % 2 == 0 {
+                        step
+                    } else {
+                        lengths.len() - 1 - step
+                    };
                     if lengths[i].is_nan() || !(filled(i) || filled(i + 1)) {
                         continue;
                     }
@@ -295,8 +317,8 @@ impl Model {
         options: &RepairOptions,
     ) -> Option<Self> {
         let memory = (options.memory * grid.rate) as usize;
-        let window = gap.frames.start.saturating_sub(memory)
-            ..(gap.frames.end + memory).min(grid.frames);
+        let window =
+            gap.frames.start.saturating_sub(memory)..(gap.frames.end + memory).min(grid.frames);
         let mut model = Self {
             marker: gap.marker,
             supports,
@@ -338,7 +360,11 @@ impl Model {
         let before = frame.saturating_sub(self.stride);
         let after = (frame + self.stride).min(grid.frames - 1);
         out.clear();
-        out.extend(self.supports.iter().map(|&s| grid.position[s][frame] - anchor));
+        out.extend(
+            self.supports
+                .iter()
+                .map(|&s| grid.position[s][frame] - anchor),
+        );
         for &support in &self.supports {
             let track = &grid.position[support];
             // Velocity and bend in time, rather than past and future: less alike.
@@ -357,7 +383,11 @@ impl Model {
             && self.supports.iter().any(|&s| s > self.marker);
         let mut weights = vec![0.0; 3 * self.supports.len() + 1];
         // A polynomial beyond its last point runs away: there, a straight line.
-        let used = if is_inside { self.supports.len() } else { self.supports.len().min(2) };
+        let used = if is_inside {
+            self.supports.len()
+        } else {
+            self.supports.len().min(2)
+        };
         for (k, &own) in self.supports[..used].iter().enumerate() {
             let others = self.supports[..used].iter().filter(|&&s| s != own);
             weights[k] = others
@@ -376,7 +406,11 @@ impl Model {
         for &frame in frames {
             let anchor = self.features(grid, frame, &mut features);
             let target = grid.position[self.marker][frame] - anchor;
-            let guess: DVec3 = features.iter().zip(&self.weights).map(|(f, w)| *f * *w).sum();
+            let guess: DVec3 = features
+                .iter()
+                .zip(&self.weights)
+                .map(|(f, w)| *f * *w)
+                .sum();
             let off = target - guess;
             for (i, a) in features.iter().enumerate() {
                 right[i] += a.dot(off);
@@ -401,7 +435,11 @@ impl Model {
 
     fn estimate(&self, grid: &Grid, frame: usize, features: &mut Vec<DVec3>) -> DVec3 {
         let anchor = self.features(grid, frame, features);
-        let sum: DVec3 = features.iter().zip(&self.weights).map(|(f, w)| *f * *w).sum();
+        let sum: DVec3 = features
+            .iter()
+            .zip(&self.weights)
+            .map(|(f, w)| *f * *w)
+            .sum();
         anchor + sum
     }
 
@@ -447,9 +485,8 @@ impl Model {
     /// The gap's samples: (frame, position, standard deviation).
     fn bridge(&self, grid: &Grid, gap: &Gap) -> Vec<(usize, DVec3, f64)> {
         let mut features = Vec::new();
-        let is_anchor = |&frame: &usize| {
-            grid.known[gap.marker][frame] && self.is_supported(grid, frame)
-        };
+        let is_anchor =
+            |&frame: &usize| grid.known[gap.marker][frame] && self.is_supported(grid, frame);
         let before = gap.frames.start.saturating_sub(ANCHORS)..gap.frames.start;
         let after = gap.frames.end..(gap.frames.end + ANCHORS).min(grid.frames);
         let anchors: Vec<usize> = before.chain(after).filter(is_anchor).collect();
@@ -465,7 +502,11 @@ impl Model {
             .iter()
             .map(|&f| grid.position[self.marker][f] - self.estimate(grid, f, &mut features))
             .collect();
-        let factor = if count > 0 { Cholesky::new(count, matrix) } else { None };
+        let factor = if count > 0 {
+            Cholesky::new(count, matrix)
+        } else {
+            None
+        };
         gap.frames
             .clone()
             .map(|frame| {

@@ -97,7 +97,11 @@ impl Spline {
     #[must_use]
     pub fn new(lengths: &[f64]) -> Self {
         let known: Vec<f64> = lengths.iter().copied().filter(|l| *l > 0.0).collect();
-        let usual = if known.is_empty() { 0.1 } else { super::median(known) };
+        let usual = if known.is_empty() {
+            0.1
+        } else {
+            super::median(known)
+        };
         let mut arc = vec![0.0];
         for length in lengths {
             let step = if *length > 0.0 { *length } else { usual };
@@ -121,7 +125,11 @@ impl Spline {
             };
             let tangent = if i == 0 {
                 // The parabola through the first three.
-                if last > 1 { 2.0 * chord(0, 1) - chord(0, 2) } else { chord(0, 1) }
+                if last > 1 {
+                    2.0 * chord(0, 1) - chord(0, 2)
+                } else {
+                    chord(0, 1)
+                }
             } else if i == last {
                 if last > 1 {
                     2.0 * chord(last - 1, last) - chord(last - 2, last)
@@ -240,7 +248,9 @@ fn clip(poses: &[RopePose], rate: f64, name: &str) -> Clip {
                 values,
             });
         };
-        let places = poses.iter().map(|pose| pose.positions[i].extend(0.0).to_array());
+        let places = poses
+            .iter()
+            .map(|pose| pose.positions[i].extend(0.0).to_array());
         track(Channel::Translation, places.collect());
         let turns = poses.iter().map(|pose| pose.rotations[i].to_array());
         track(Channel::Rotation, turns.collect());
@@ -319,9 +329,11 @@ fn surface(spline: &Spline, name: &str, options: &TubeOptions) -> (Mesh, Vec<Vec
     }
     let start_tip = (places.len() * sides) as u32;
     for side in 0..sides {
-        mesh.triangles.push([start_tip, at(0, side + 1), at(0, side)]);
+        mesh.triangles
+            .push([start_tip, at(0, side + 1), at(0, side)]);
         let end = places.len() - 1;
-        mesh.triangles.push([start_tip + 1, at(end, side), at(end, side + 1)]);
+        mesh.triangles
+            .push([start_tip + 1, at(end, side), at(end, side + 1)]);
     }
     mesh.parts.push(Part {
         name: name.to_owned(),
@@ -355,20 +367,32 @@ pub fn beside(body: &Avatar, clip: usize, rope: &Avatar) -> Avatar {
     }
     let triangles = whole.mesh.triangles.len();
     let moved = rope.mesh.triangles.iter();
-    whole.mesh.triangles.extend(moved.map(|t| t.map(|corner| corner + first_vertex)));
-    whole.mesh.parts.extend(rope.mesh.parts.iter().map(|part| Part {
-        name: part.name.clone(),
-        triangles: part.triangles.start + triangles..part.triangles.end + triangles,
-    }));
-    whole.skeleton.joints.extend(rope.skeleton.joints.iter().map(|joint| Joint {
-        name: unused(&joint.name, &body.skeleton),
-        parent: joint.parent.map(|parent| parent + joints),
-        rest: joint.rest,
-    }));
-    whole.skin.binds.extend(rope.skin.binds.iter().map(|bind| Bind {
-        joint: bind.joint + joints,
-        inverse_bind: bind.inverse_bind,
-    }));
+    whole
+        .mesh
+        .triangles
+        .extend(moved.map(|t| t.map(|corner| corner + first_vertex)));
+    whole
+        .mesh
+        .parts
+        .extend(rope.mesh.parts.iter().map(|part| Part {
+            name: part.name.clone(),
+            triangles: part.triangles.start + triangles..part.triangles.end + triangles,
+        }));
+    whole
+        .skeleton
+        .joints
+        .extend(rope.skeleton.joints.iter().map(|joint| Joint {
+            name: unused(&joint.name, &body.skeleton),
+            parent: joint.parent.map(|parent| parent + joints),
+            rest: joint.rest,
+        }));
+    whole
+        .skin
+        .binds
+        .extend(rope.skin.binds.iter().map(|bind| Bind {
+            joint: bind.joint + joints,
+            inverse_bind: bind.inverse_bind,
+        }));
     let moved = rope.skin.influences.iter();
     let moved = moved.map(|list| list.iter().map(|(bind, w)| (bind + binds, *w)).collect());
     whole.skin.influences.extend(moved);
@@ -468,7 +492,10 @@ mod tests {
                 assert!(off < 1e-9, "frame {frame}, marker {marker}: {off}");
                 for point in around {
                     let radius = point.distance(centre);
-                    assert!((radius - options.radius).abs() < 0.05 * options.radius, "{radius}");
+                    assert!(
+                        (radius - options.radius).abs() < 0.05 * options.radius,
+                        "{radius}"
+                    );
                 }
             }
             // Half-way between two markers the tube lies on the circle, to a tenth of a millimetre.
