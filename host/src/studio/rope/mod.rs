@@ -181,6 +181,19 @@ impl Scene {
         self.run(true, &|t| jump(&passes, t))
     }
 
+    /// When the rope passes below the feet, seconds, if nobody stands there.
+    fn passes(&self, scale: f64) -> Result<Vec<f64>, SceneError> {
+        let alone = self.run(false, &|_| 0.0)?;
+        let middle = self.model.markers / 2;
+        let low = |w: &[Vec<DVec3>]| {
+            let y = |k: usize| w[k][middle].y;
+            y(1) < 0.3 * scale && y(1) <= y(0) && y(1) < y(2)
+        };
+        let frames = alone.rope.windows(3).enumerate().filter(|(_, w)| low(w));
+        let times = frames.map(|(frame, _)| (frame + 1) as f64 / self.rate);
+        Ok(times.filter(|t| *t > motion::REST + 0.3).collect())
+    }
+
     fn driver(&self) -> Driver {
         let length = self.model.node_spacing() * (self.model.node_count() - 1) as f64;
         Driver::new(self.motion, self.tempo, length, &mut Random::new(self.seed))

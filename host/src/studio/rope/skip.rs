@@ -6,7 +6,6 @@
 use glam::{DAffine3, DQuat, DVec3};
 
 use super::body::two_bones;
-use super::motion::REST;
 use super::{Motion, Scene, SceneError, jump};
 use crate::fit::humanoid::{Part, Role, SIDES, Side};
 use crate::fit::{Humanoid, Which};
@@ -207,19 +206,4 @@ pub fn skipping(avatar: &Avatar, scene: &Scene) -> Result<(Clip, Scene), SceneEr
         sample_period: Some(1.0 / RATE),
     };
     Ok((clip, scene))
-}
-
-impl Scene {
-    /// When the rope passes below the feet, seconds, if nobody stands there.
-    pub(super) fn passes(&self, scale: f64) -> Result<Vec<f64>, SceneError> {
-        let alone = self.run(false, &|_| 0.0)?;
-        let middle = self.model.markers / 2;
-        let low = |w: &[Vec<DVec3>]| {
-            let y = |k: usize| w[k][middle].y;
-            y(1) < 0.3 * scale && y(1) <= y(0) && y(1) < y(2)
-        };
-        let frames = alone.rope.windows(3).enumerate().filter(|(_, w)| low(w));
-        let times = frames.map(|(frame, _)| (frame + 1) as f64 / self.rate);
-        Ok(times.filter(|t| *t > REST + 0.3).collect())
-    }
 }
