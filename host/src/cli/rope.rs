@@ -190,6 +190,15 @@ impl Rope {
         let traces = self.traces(&take, &points, say)?;
         let separated =
             separate(&take, &points, &traces).map_err(|error| fault(&self.take, &error))?;
+        for (rope, trace) in traces.iter().enumerate() {
+            let found = trace.marker_count();
+            if let Some(wanted) = self.markers.filter(|&wanted| wanted != found) {
+                say.line(format!(
+                    "note: rope {}: {found} of {wanted} markers ever show together; those are followed",
+                    rope + 1
+                ));
+            }
+        }
         let counts = report::count(&traces);
         report::tell(&counts, say);
         self.write_markers(&separated, say)?;

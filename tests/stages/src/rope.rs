@@ -52,11 +52,16 @@ fn bystander(k: usize, phase: Turn) -> [f32; 3] {
         (state >> 8) as f32 * (1.0 / 16_777_216.0)
     };
     let (x, y, z) = (draw(), draw(), draw());
-    [0.3 + 1.5 * x + 0.05 * phase[0], 2.0 * y, 1.0 * z + 0.05 * phase[1]]
+    [
+        0.3 + 1.5 * x + 0.05 * phase[0],
+        2.0 * y,
+        1.0 * z + 0.05 * phase[1],
+    ]
 }
 
 fn is_hidden(frame: usize, marker: usize) -> bool {
-    (50..80).contains(&frame) && marker == 6 || (90..110).contains(&frame) && (9..12).contains(&marker)
+    (50..80).contains(&frame) && marker == 6
+        || (90..110).contains(&frame) && (9..12).contains(&marker)
 }
 
 /// Follows the rope.
@@ -86,7 +91,11 @@ pub fn run<P: Probe>(
             let marker = (k / 10 + 7 * frame) % TRACES;
             *point = match markers.get(marker) {
                 Some(own) if k % 10 == 3 => {
-                    if is_hidden(frame, marker) { [f32::NAN; 3] } else { *own }
+                    if is_hidden(frame, marker) {
+                        [f32::NAN; 3]
+                    } else {
+                        *own
+                    }
                 }
                 _ => bystander(k, phase),
             };
@@ -102,12 +111,19 @@ pub fn run<P: Probe>(
             hash.update(&[sample.confidence, f32::from(sample.gap)]);
         }
     }
-    let right = rope(phase).iter().zip(tracker.samples()).all(|(truth, sample)| {
-        sample.position == *truth && matches!(sample.source, Source::Measured(_))
-    });
-    let reversed = rope(phase).iter().rev().zip(tracker.samples()).all(|(truth, sample)| {
-        sample.position == *truth && matches!(sample.source, Source::Measured(_))
-    });
+    let right = rope(phase)
+        .iter()
+        .zip(tracker.samples())
+        .all(|(truth, sample)| {
+            sample.position == *truth && matches!(sample.source, Source::Measured(_))
+        });
+    let reversed = rope(phase)
+        .iter()
+        .rev()
+        .zip(tracker.samples())
+        .all(|(truth, sample)| {
+            sample.position == *truth && matches!(sample.source, Source::Measured(_))
+        });
     if tracker.trace_count() != TRACES || !(right || reversed) {
         return Err(Fault::Nothing);
     }
@@ -116,8 +132,14 @@ pub fn run<P: Probe>(
         ("points", POINTS as u64),
         ("work_frame", u64::from(work)),
         ("bound_work_frame", u64::from(work_bound(TRACES, POINTS))),
-        ("bound_work_start", u64::from(start_work_bound(TRACES, POINTS))),
-        ("bytes_of_RopeTracker", size_of::<RopeTracker<TRACES, POINTS>>() as u64),
+        (
+            "bound_work_start",
+            u64::from(start_work_bound(TRACES, POINTS)),
+        ),
+        (
+            "bytes_of_RopeTracker",
+            size_of::<RopeTracker<TRACES, POINTS>>() as u64,
+        ),
         ("bytes_of_Sample", size_of::<Sample>() as u64),
         ("bytes_of_RopeReport", size_of::<FrameReport>() as u64),
     ] {

@@ -22,8 +22,6 @@ pub(super) const CANDIDATES: usize = 5;
 pub(super) const MISSING: usize = CANDIDATES;
 /// Cost of no point.
 pub(super) const COST_MISSING: f32 = 12.0;
-/// The same for a trace that is unsure of itself: better none than another's.
-const COST_UNSURE: f32 = 12.0;
 /// Most that being far from the prediction can cost: less than a missing point, for a jerk is not
 /// announced and a point whose neighbours agree is better than none.
 pub(super) const COST_FAR: f32 = 8.0;
@@ -35,8 +33,8 @@ const COST_DISAGREE: f32 = 30.0;
 /// Most that a short distance can cost: a rope does not stretch, but it folds.
 const COST_FOLDED: f32 = 10.0;
 /// Standard deviations of a segment beyond its learned spread, metres: longer, and shorter.
-const STRETCH: f32 = 0.002;
-const SLACK: f32 = 0.003;
+const STRETCH: f32 = 0.003;
+const SLACK: f32 = 0.004;
 
 /// What is known of a trace before its points are sought.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -55,8 +53,6 @@ pub(super) enum Goal {
         since: u16,
         /// Most that being far from `centre` can cost.
         most: f32,
-        /// Whether `centre` is a fill, or follows a point that may be another's.
-        is_unsure: bool,
     },
 }
 
@@ -206,13 +202,11 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 gate,
                 since,
                 most,
-                is_unsure,
             } => {
-                self.missing
-                    .set(i, if is_unsure { COST_UNSURE } else { COST_MISSING });
+                self.missing.set(i, COST_MISSING);
                 let scale = 1.0 / (doubt * doubt);
                 points.near(centre, gate, |point, surprise, square| {
-                    let stranger = others.price(point, i, since, square, is_unsure);
+                    let stranger = others.price(point, i, since, square);
                     let cost = saturate(square * scale, most) + stranger;
                     let place = list
                         .iter()
@@ -319,7 +313,8 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 .take(mine)
                 .fold(alone, |best, (c, &tail)| best.min(c.cost + tail));
             let mut next: Costs = [unlinked; CANDIDATES + 1];
-            for (k, slot) in next.iter_mut().take(CANDIDATES).enumerate() {
+            let before = usize::from(self.counts.at(i.wrapping_sub(1)));
+            for (k, slot) in next.iter_mut().take(CANDIDATES.min(before)).enumerate() {
                 let mut best = alone;
                 for ((c, &tail), row) in own.iter().zip(&after).zip(&links).take(mine) {
                     let link = row.get(k).copied().unwrap_or_default();

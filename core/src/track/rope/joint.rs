@@ -97,7 +97,6 @@ fn follow<const TRACES: usize, const POINTS: usize>(
                     centre: track.predicted(i),
                     since: track.since.at(i),
                     most: COST_FAR,
-                    is_unsure: gap > 0 || track.is_unsure(i),
                     doubt,
                     gate: (GATE * doubt).max(narrowest).min(widest),
                 },
@@ -139,7 +138,6 @@ fn recover<const TRACES: usize, const POINTS: usize>(
                     centre: track.pose.now.at(i),
                     since: track.since.at(i),
                     most: f32::MAX,
-                    is_unsure: true,
                     doubt,
                     gate: (GATE * doubt).min(LOST_GATE * spacing),
                 },
@@ -342,14 +340,25 @@ fn seek_lost<const TRACES: usize, const POINTS: usize>(
     if fit.misfit > WORST_MISFIT {
         return;
     }
-    track.open();
-    for (k, &point) in chain.iter().enumerate().filter(|(_, p)| **p != NONE) {
+    let trace_of = |k: usize| {
         let place = fit.offset + k;
-        let i = if fit.reversed {
+        if fit.reversed {
             (count - 1).saturating_sub(place)
         } else {
             place
-        };
+        }
+    };
+    // What most of the rope is sure of, the chain must not deny.
+    let agreed = chain
+        .iter()
+        .enumerate()
+        .filter(|(k, point)| **point != NONE && track.point.at(trace_of(*k)) == **point);
+    if 2 * measured > count && 2 * agreed.count() < measured {
+        return;
+    }
+    track.open();
+    for (k, &point) in chain.iter().enumerate().filter(|(_, p)| **p != NONE) {
+        let i = trace_of(k);
         let position = points.at(usize::from(point));
         for row in [
             &mut track.pose.now,

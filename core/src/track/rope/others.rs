@@ -17,9 +17,11 @@ const NEAR: f32 = 0.01;
 const JERK: f32 = 60.0;
 /// Farther for each frame it was hidden, metres.
 const HIDDEN: f32 = 0.004;
-/// Price of a point that has been followed as something else since before the trace could have
-/// lost its own: more than that of a missing one.
-const COST_OTHER: f32 = 16.0;
+/// Price of a point that was once too far from the rope: more than that of a missing one.
+const COST_EXCLUDED: f32 = 16.0;
+/// Most for one that has been followed as something else since before the trace could have lost
+/// its own: less than that of a missing one, for it may be the trace's all the same.
+const COST_OTHER: f32 = 11.0;
 /// Below this distance, metres, neither expectation says anything.
 const RIVAL_NOISE: f32 = 0.005;
 /// That near to where something else was expected, metres, a point may be its own.
@@ -31,6 +33,8 @@ const CERTAIN: f32 = 0.15;
 const RECENT: u16 = 2;
 /// That near to where a missing trace is believed to be, metres, a point may be the rope's.
 const AMBIGUOUS: f32 = 0.025;
+/// How far from the rope's bounding box things are followed, in spacings.
+const SURROUNDINGS: f32 = 4.0;
 /// Frames in which everything is once compared with the rope.
 const TURNS: usize = 8;
 /// Seconds that a hidden one is remembered.
@@ -113,36 +117,22 @@ impl<const POINTS: usize> Others<POINTS> {
         (f32::from(longer) * self.sureness).min(1.0)
     }
 
-    /// Price of giving `point` to a trace that surely had its own point `since` frames ago, and is
-    /// expected at the squared distance `square` from it. A trace that `is_unsure` of itself has no
-    /// say where the other was expected.
+    /// Price of giving `point` to `trace`, which surely had its own point `since` frames ago, and is
+    /// expected at the squared distance `square` from it.
     #[inline]
-    pub(super) fn price(
-        &self,
-        point: u16,
-        trace: usize,
-        since: u16,
-        square: f32,
-        is_unsure: bool,
-    ) -> f32 {
+    pub(super) fn price(&self, point: u16, trace: usize, since: u16, square: f32) -> f32 {
         let claim = self.claims.at(usize::from(point));
-        let other = self.list.get(usize::from(claim.other));
-        if claim.age > 0
-            && claim.square < CONTESTED * CONTESTED
-            && other.is_some_and(|other| other.is_excluded(trace))
-        {
-            return COST_OTHER;
-        }
-        if claim.age <= since.saturating_add(1) {
+        if claim.age == 0 {
             return 0.0;
         }
-        let full = COST_OTHER * self.strangeness(claim, since);
-        if is_unsure && claim.is_firm {
-            return full;
+        let other = self.list.get(usize::from(claim.other));
+        let is_near = claim.square < CONTESTED * CONTESTED;
+        if is_near && other.is_some_and(|other| other.is_excluded(trace)) {
+            return COST_EXCLUDED;
         }
         // Full where the point lies much nearer to the other's prediction than to the trace's.
         let rival = 4.0 * claim.square + RIVAL_NOISE * RIVAL_NOISE;
-        full * square / (square + rival)
+        COST_OTHER * self.strangeness(claim, since) * square / (square + rival)
     }
 
     /// Whether `point` is surely something else than the marker of a trace that surely had its own
@@ -238,6 +228,15 @@ impl<const POINTS: usize> Others<POINTS> {
         track: &Track<TRACES>,
     ) {
         let memory = self.memory;
+        let (low, high) = surroundings(track);
+        let is_near = |p: Vec3| {
+            p.x > low.x
+                && p.y > low.y
+                && p.z > low.z
+                && p.x < high.x
+                && p.y < high.y
+                && p.z < high.z
+        };
         let claims = &mut self.claims;
         self.list.retain_mut(|other| {
             let point = usize::from(other.point);
@@ -266,13 +265,15 @@ impl<const POINTS: usize> Others<POINTS> {
                 other.hidden += 1;
             }
             // What was seen for a moment only is forgotten as soon.
-            other.hidden <= memory.min(other.seen)
+            other.hidden <= memory.min(other.seen) && is_near(other.position)
         });
         self.exclude_some(track);
         for point in 0..points.count() {
-            if self.claims.at(point).age == 0 && !points.is_claimed(point) {
+            let position = points.at(point);
+            let is_new = self.claims.at(point).age == 0 && !points.is_claimed(point);
+            if is_new && is_near(position) {
                 let _ = self.list.push(Other {
-                    position: points.at(point),
+                    position,
                     velocity: Vec3::ZERO,
                     age: 1,
                     seen: 1,
@@ -314,6 +315,17 @@ impl<const POINTS: usize> Others<POINTS> {
             }
         }
     }
+}
+
+/// The box around the rope in which something else can soon come near it.
+fn surroundings<const TRACES: usize>(track: &Track<TRACES>) -> (Vec3, Vec3) {
+    let markers = track.pose.now.as_slice(track.measures.count);
+    let far = (Vec3::splat(f32::MAX), Vec3::splat(f32::MIN));
+    let (low, high) = markers
+        .iter()
+        .fold(far, |(low, high), &p| (low.min(p), high.max(p)));
+    let margin = Vec3::splat(SURROUNDINGS * track.measures.spacing);
+    (low - margin, high + margin)
 }
 
 /// Whether the trace that has taken `point` surely has its own.

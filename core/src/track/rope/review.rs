@@ -56,7 +56,6 @@ pub(super) fn review<const TRACES: usize, const POINTS: usize>(
                 gate,
                 since,
                 most: f32::MAX,
-                is_unsure: is_unsure(track, i),
             },
         );
     }
@@ -79,10 +78,6 @@ pub(super) fn review<const TRACES: usize, const POINTS: usize>(
     for i in 0..count {
         points.claim(track.point.at(i));
     }
-}
-
-fn is_unsure<const TRACES: usize>(track: &Track<TRACES>, i: usize) -> bool {
-    track.gap.at(i) > 0 || track.is_unsure(i)
 }
 
 /// A trace is trusted while it has had a point, and right lengths, for long enough; from the end
@@ -168,8 +163,7 @@ fn price<const TRACES: usize, const POINTS: usize>(
         } else {
             let off = points.at(usize::from(point)) - track.pose.now.at(i);
             let square = dot(off, off);
-            sum += square / (near * near)
-                + others.price(point, i, track.since.at(i), square, is_unsure(track, i));
+            sum += square / (near * near) + others.price(point, i, track.since.at(i), square);
         }
         sum += link_price(track, points, i, labels).unwrap_or_default();
     }

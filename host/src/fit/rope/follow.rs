@@ -63,6 +63,10 @@ impl Default for FollowOptions {
 const SHORTEST_CHAIN: usize = 5;
 /// Frames of the start: first a rope at rest, then one that moves.
 const START_FRAMES: [u16; 2] = [20, 4];
+/// Share of a chain's worth that a link's relative standard deviation takes.
+const UNEVEN: f64 = 5.0;
+/// Of a rope whose markers never show all at once, this share is followed.
+const MOST_OF_IT: f64 = 0.8;
 /// Windows in which the rope is sought, at most.
 const MOST_WINDOWS: usize = 64;
 
@@ -100,12 +104,26 @@ struct Found {
     markers: Vec<[f32; 3]>,
 }
 
+impl Found {
+    /// Its markers, the fewer the more uneven their distances are: among a body's markers a chain
+    /// of many is soon found, but not an even one.
+    fn worth(&self) -> f64 {
+        let at = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let pairs = self.markers.iter().zip(self.markers.iter().skip(1));
+        let links: Vec<f64> = pairs.map(|(a, b)| at(a).distance(at(b))).collect();
+        let count = links.len().max(1) as f64;
+        let mean = links.iter().sum::<f64>() / count;
+        let square = links.iter().map(|link| (link - mean).powi(2)).sum::<f64>() / count;
+        let uneven = square.sqrt() / mean.max(1e-9);
+        self.markers.len() as f64 * (1.0 - UNEVEN * uneven)
+    }
+}
+
 fn single(position: DVec3) -> [f32; 3] {
     position.as_vec3().to_array()
 }
 
-/// Looks for the rope in windows over the capture: the first with a rope at rest, else the one
-/// with the longest chain.
+/// Looks for the rope in windows over the capture, at rest first, and takes the longest even chain.
 fn find(
     frames: &PointFrames,
     options: &FollowOptions,
@@ -133,16 +151,15 @@ fn find(
                 phase = starter.step(&list).phase;
             }
             let markers: Vec<[f32; 3]> = starter.samples().map(|s| s.position).collect();
-            let longer = markers.len() > best.as_ref().map_or(0, |found| found.markers.len());
-            if phase != Phase::NotFound && markers.len() >= options.fewest() && longer {
-                best = Some(Found {
-                    frame: first + window - 1,
-                    markers,
-                });
-                // A selection says what the rope is: its first complete sight will do.
-                if options.markers.is_some() || options.selection != Selection::Automatic {
-                    break;
-                }
+            let found = Found {
+                frame: first + window - 1,
+                markers,
+            };
+            let better = best
+                .as_ref()
+                .is_none_or(|best| found.worth() > best.worth());
+            if phase != Phase::NotFound && found.markers.len() >= options.fewest() && better {
+                best = Some(found);
             }
         }
         if best.is_some() {
@@ -276,7 +293,25 @@ fn follow_free(
     check_points(frames)?;
     let found = match &options.selection {
         Selection::Columns(columns) => listed(frames, columns)?,
-        _ => find(frames, options, taken)?,
+        _ => match (find(frames, options, taken), options.markers) {
+            (Err(RopeError::NotFound { .. }), Some(markers)) => {
+                // Ends in a fist, perhaps: what shows of it is a rope too.
+                let fewest = (MOST_OF_IT * markers as f64).ceil() as usize;
+                let rest = FollowOptions {
+                    markers: None,
+                    ..options.clone()
+                };
+                let found = find(frames, &rest, taken)?;
+                if !(fewest..=markers).contains(&found.markers.len()) {
+                    return Err(RopeError::NotFound {
+                        wanted: markers,
+                        frames: frames.frame_count(),
+                    });
+                }
+                found
+            }
+            (found, _) => found?,
+        },
     };
     let config = options.config(frames.rate);
     let count = frames.frame_count();
