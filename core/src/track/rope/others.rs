@@ -353,8 +353,8 @@ mod tests {
     #[test]
     fn history_survives_a_short_absence() {
         let mut others = Others::<8>::new(100.0);
-        let far = [0.0, 0.1, 0.2].map(|x| Vec3::new(x, 50.0, 0.0));
-        let track = Track::<3>::new(Pace::new(100.0, [0.0; 3]), far.into_iter());
+        let rope = [0.1, 0.2, 0.3].map(|x| Vec3::new(x, 1.25, 0.0));
+        let track = Track::<3>::new(Pace::new(100.0, [0.0; 3]), rope.into_iter());
         let mut points = Points::<8>::new();
         // Starts slowly enough to be followed from its first frame on.
         let place = |frame: u16| [0.0005 * f32::from(frame * frame), 1.0, 0.0];
@@ -369,7 +369,7 @@ mod tests {
             others.learn(&points, &track);
         }
         // A point that the rope has taken is not learned.
-        points.load(&[[5.0; 3]]);
+        points.load(&[[0.2, 1.4, 0.0]]);
         others.explain(&mut points);
         points.claim(0);
         others.learn(&points, &track);
