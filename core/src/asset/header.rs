@@ -1,5 +1,6 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::PackedDims;
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
 
@@ -86,6 +87,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// Compressed tracks.
+    pub packed: PackedDims,
 }
 
 impl Dims {
@@ -144,6 +147,7 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
+            packed: PackedDims::read(bytes),
         }
     }
 
@@ -177,6 +181,12 @@ impl Dims {
         let mut at = 0;
         while at < counts.len() {
             words[at] = counts[at];
+            at += 1;
+        }
+        let packed = self.packed.to_words();
+        let mut at = 0;
+        while at < packed.len() {
+            words[PackedDims::WORD + at] = packed[at];
             at += 1;
         }
         words

@@ -15,7 +15,7 @@ pub mod fill;
 pub(crate) mod linear;
 pub mod merge;
 mod neighbours;
-mod rigid;
+pub(crate) mod rigid;
 pub mod smooth;
 
 pub use despike::{Spike, despike};

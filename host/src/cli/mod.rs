@@ -10,8 +10,11 @@ mod demo;
 mod inspect;
 mod load;
 mod play;
+mod register;
 mod rope;
 mod say;
+mod segment;
+mod solve;
 mod studio;
 mod verify;
 
@@ -30,6 +33,9 @@ Examples:
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
   sinew rope take.c3d --output rope.c3d            a rope among a person's markers
+  sinew solve take.c3d --output walk.bvh           markers to skeleton motion
+  sinew register --mesh body.glb --markers clean.c3d --output fitted.glb
+  sinew segment --mesh fitted.glb --markers clean.c3d --output parts.json
   sinew studio --mesh body.glb --motion walk.bvh --out capture
 
 Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
@@ -50,10 +56,13 @@ enum Command {
     Inspect(inspect::Inspect),
     Bake(bake::Bake),
     Clean(clean::Clean),
+    Register(register::Register),
+    Segment(segment::Segment),
     Play(play::Play),
     Rope(Box<rope::Rope>),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
+    Solve(solve::Solve),
     Studio(Box<studio::Studio>),
 }
 
@@ -82,10 +91,13 @@ pub fn run() -> ExitCode {
         Command::Inspect(command) => command.run(&say),
         Command::Bake(command) => command.run(&say),
         Command::Clean(command) => command.run(&say),
+        Command::Register(command) => command.run(&say),
+        Command::Segment(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
         Command::Rope(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
+        Command::Solve(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),
     };
     match done {

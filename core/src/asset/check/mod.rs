@@ -4,8 +4,10 @@ mod blocks;
 mod clips;
 mod mesh;
 mod morphs;
+mod packed;
 mod skeleton;
 
+use super::packed::Packed;
 use super::sections::Sections;
 use super::{Asset, AssetError, SectionKind, Triangles};
 
@@ -41,6 +43,11 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         tracks: sections.view(SectionKind::Tracks)?,
         key_times: sections.view(SectionKind::KeyTimes)?,
         key_values: sections.view(SectionKind::KeyValues)?,
+        packed: Packed {
+            tracks: sections.view(SectionKind::PackedTracks)?,
+            frames: sections.view(SectionKind::PackedFrames)?,
+            values: sections.view(SectionKind::PackedValues)?,
+        },
         joint_names: sections.view(SectionKind::JointNames)?,
         names: sections.view(SectionKind::Names)?,
     };
@@ -49,6 +56,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     blocks::check(&asset)?;
     morphs::check(&asset)?;
     clips::check(&asset)?;
+    packed::check(&asset)?;
     Ok(asset)
 }
 
