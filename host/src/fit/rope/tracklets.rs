@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::{Origin, PointFrames, RopeSample, Trace, median};
+use super::{Origin, PointFrames, RopeSample, Trace};
 
 /// How far from where it is expected a point may continue a tracklet, metres; and what an
 /// acceleration of that many metres a second squared adds.
@@ -16,7 +16,7 @@ const JERK: f64 = 60.0;
 /// Least median deviation of a segment's length that is assumed, metres.
 const LEAST_MEDIAN: f64 = 0.0007;
 /// A tracklet whose links deviate by more than this many median deviations at its median, or at
-/// its ninth decile, is not the rope's.
+/// its ninth decile by more than this many and twice the segment's own, is not the rope's.
 const MEDIAN_LIMIT: f64 = 4.0;
 const DECILE_LIMIT: f64 = 10.0;
 /// Fewest links that tell anything.
@@ -25,10 +25,11 @@ const FEWEST: usize = 5;
 /// (frame, point) of one thing, in consecutive frames.
 type Tracklet = Vec<(usize, usize)>;
 
-/// Lengths of a rope's segments and their median deviations, metres.
+/// Lengths of a rope's segments, and the median and the ninth decile of their deviations, metres.
 struct Segments {
     length: Vec<f64>,
     deviation: Vec<f64>,
+    decile: Vec<f64>,
 }
 
 /// Takes away what is not the rope's and adds what is. O(frames x points^2)
@@ -141,15 +142,23 @@ fn link(trace: &Trace, points: &PointFrames, owners: &[Vec<Option<usize>>]) -> V
 impl Segments {
     fn of(trace: &Trace) -> Self {
         let length = trace.segment_lengths();
-        let deviation = length.iter().enumerate().map(|(i, length)| {
+        let (mut deviation, mut decile) = (Vec::new(), Vec::new());
+        for (i, length) in length.iter().enumerate() {
             let off = trace.frames.iter().filter_map(|samples| {
                 let both = samples[i].point().is_some() && samples[i + 1].point().is_some();
                 both.then(|| (samples[i].position.distance(samples[i + 1].position) - length).abs())
             });
-            median(off.collect()).max(LEAST_MEDIAN)
-        });
-        let deviation = deviation.collect();
-        Self { length, deviation }
+            let mut off: Vec<f64> = off.collect();
+            off.sort_unstable_by(f64::total_cmp);
+            let at = |share: usize| off.get(off.len() * share / 10).copied().unwrap_or(0.0);
+            deviation.push(at(5).max(LEAST_MEDIAN));
+            decile.push(at(9));
+        }
+        Self {
+            length,
+            deviation,
+            decile,
+        }
     }
 
     /// Whether all of a tracklet lies as far from the neighbours of `marker` as that should; `None`
@@ -162,6 +171,7 @@ impl Segments {
         marker: usize,
     ) -> Option<bool> {
         let mut deviations = Vec::new();
+        let mut usual = 0.0_f64;
         for &(frame, point) in tracklet {
             let position = points.points[frame][point];
             let neighbours = [
@@ -178,6 +188,7 @@ impl Segments {
                 if sample.point().is_some_and(|taken| taken != point) {
                     let off = (sample.position.distance(position) - length).abs();
                     deviations.push(off / self.deviation[segment]);
+                    usual = usual.max(self.decile[segment] / self.deviation[segment]);
                 }
             }
         }
@@ -187,6 +198,6 @@ impl Segments {
         deviations.sort_unstable_by(f64::total_cmp);
         let decile = deviations[deviations.len() * 9 / 10];
         let middle = deviations[deviations.len() / 2];
-        Some(middle < MEDIAN_LIMIT && decile < DECILE_LIMIT)
+        Some(middle < MEDIAN_LIMIT.max(1.1 * usual) && decile < DECILE_LIMIT.max(2.0 * usual))
     }
 }

@@ -9,10 +9,10 @@ use super::{Motion, RopeModel, Scene, SceneError};
 use crate::fit::humanoid::{Part, Role, Side};
 use crate::fit::{Humanoid, Which};
 use crate::model::Avatar;
+use crate::spatial::Tree;
 use crate::studio::body::Body;
 use crate::studio::cameras::Camera;
 use crate::studio::random::Random;
-use crate::studio::tree::Tree;
 use crate::studio::{Shot, Surface};
 
 /// Which hands hold the rope.
