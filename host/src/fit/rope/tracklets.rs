@@ -16,7 +16,7 @@ const JERK: f64 = 60.0;
 /// Least median deviation of a segment's length that is assumed, metres.
 const LEAST_MEDIAN: f64 = 0.0007;
 /// A tracklet whose links deviate by more than this many median deviations at its median, or at
-/// its ninth decile, is not the rope's.
+/// its ninth decile by more than this many and twice the segment's own, is not the rope's.
 const MEDIAN_LIMIT: f64 = 4.0;
 const DECILE_LIMIT: f64 = 10.0;
 /// Fewest links that tell anything.
@@ -192,13 +192,12 @@ impl Segments {
                 }
             }
         }
-        // A segment that itself jumps between two lengths cannot judge.
-        if deviations.len() < FEWEST || usual > DECILE_LIMIT {
+        if deviations.len() < FEWEST {
             return None;
         }
         deviations.sort_unstable_by(f64::total_cmp);
         let decile = deviations[deviations.len() * 9 / 10];
         let middle = deviations[deviations.len() / 2];
-        Some(middle < MEDIAN_LIMIT && decile < DECILE_LIMIT)
+        Some(middle < MEDIAN_LIMIT && decile < DECILE_LIMIT.max(2.0 * usual))
     }
 }
