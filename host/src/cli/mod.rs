@@ -13,6 +13,7 @@ mod load;
 mod markers;
 mod play;
 mod register;
+mod rope;
 mod say;
 mod segment;
 mod send;
@@ -34,6 +35,7 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew rope take.c3d --output rope.c3d            a rope among a person's markers
   sinew solve take.c3d --output walk.bvh           markers to skeleton motion
   sinew register --mesh body.glb --markers clean.c3d --output fitted.glb
   sinew segment --mesh fitted.glb --markers clean.c3d --output parts.json
@@ -62,6 +64,7 @@ enum Command {
     Live(live::Live),
     Play(play::Play),
     Send(send::Send),
+    Rope(Box<rope::Rope>),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
     Solve(solve::Solve),
@@ -98,6 +101,7 @@ pub fn run() -> ExitCode {
         Command::Live(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
         Command::Send(command) => command.run(&say),
+        Command::Rope(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
         Command::Solve(command) => command.run(&say),
