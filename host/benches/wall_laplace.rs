@@ -142,7 +142,7 @@ fn row(vertices: usize) {
     let mut workspace = vec![0.0; exact_workspace_len(count)];
     let mut exact_frame = || {
         let output = &mut output_one;
-        let report = exact.step(&poses, &[], 0, level, &mut state, &mut workspace, output);
+        let report = exact.step(&poses, 0, level, &mut state, &mut workspace, output);
         black_box(report.expect("sizes fit"));
     };
     let state_len = turn_state_len(MARKERS, collapsed.virtual_count());

@@ -58,7 +58,7 @@ impl<'t> ExactRig<'t> {
         let dims = dims(exact.row_count());
         let mut output = Output::separate(&dims, &mut self.positions, None).expect("fits");
         let (state, workspace) = (&mut self.state, &mut self.workspace);
-        let report = exact.step(poses, &[], 0, self.level, state, workspace, &mut output);
+        let report = exact.step(poses, 0, self.level, state, workspace, &mut output);
         report.expect("sizes fit")
     }
 

@@ -63,6 +63,11 @@ impl<'a> Collapsed<'a> {
         Ok(Self { parts })
     }
 
+    /// Tables that were checked before.
+    pub(crate) const fn proved(parts: CollapsedParts<'a>) -> Self {
+        Self { parts }
+    }
+
     /// The tables.
     #[must_use]
     pub fn parts(&self) -> &CollapsedParts<'a> {

@@ -49,8 +49,24 @@ pub struct TurnReport {
 #[derive(Clone, Debug)]
 pub struct TurnState<B> {
     numbers: B,
+    stage: TurnStage,
+}
+
+/// What a [`TurnState`]'s numbers hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) struct TurnStage {
+    /// Poses of markers.
     started: bool,
+    /// A base.
     based: bool,
+}
+
+impl TurnStage {
+    pub const NEW: Self = Self {
+        started: false,
+        based: false,
+    };
 }
 
 /// Numbers of a [`TurnState`] for `markers` markers and `rows` rows.
@@ -77,17 +93,21 @@ impl<B> TurnState<B> {
     /// A state in the caller's memory; old contents do not matter.
     #[must_use]
     pub const fn with(numbers: B) -> Self {
-        Self {
-            numbers,
-            started: false,
-            based: false,
-        }
+        Self::resumed(numbers, TurnStage::NEW)
+    }
+
+    /// A state whose numbers and stage were kept apart.
+    pub(crate) const fn resumed(numbers: B, stage: TurnStage) -> Self {
+        Self { numbers, stage }
+    }
+
+    pub(crate) const fn stage(&self) -> TurnStage {
+        self.stage
     }
 
     /// Forgets everything: the next frame starts anew, as after a cut.
     pub const fn reset(&mut self) {
-        self.started = false;
-        self.based = false;
+        self.stage = TurnStage::NEW;
     }
 }
 
@@ -97,8 +117,7 @@ pub(super) struct Turns<'s> {
     pub markers: &'s mut [[f32; 8]],
     base: &'s mut [Quat4],
     rows: &'s mut [Quat4],
-    started: &'s mut bool,
-    based: &'s mut bool,
+    stage: &'s mut TurnStage,
 }
 
 impl<B: BorrowMut<[f32]>> TurnState<B> {
@@ -118,8 +137,7 @@ impl<B: BorrowMut<[f32]>> TurnState<B> {
             markers: held.as_chunks_mut().0,
             base: base.as_chunks_mut().0,
             rows: rows.as_chunks_mut().0,
-            started: &mut self.started,
-            based: &mut self.based,
+            stage: &mut self.stage,
         })
     }
 }
@@ -134,10 +152,10 @@ impl Turns<'_> {
         edges: &[[u16; 2]],
     ) -> TurnReport {
         let mut report = TurnReport::default();
-        let first = !*self.started;
+        let first = !self.stage.started;
         if first {
-            *self.started = true;
-            *self.based = false;
+            self.stage.started = true;
+            self.stage.based = false;
             for (marker, held) in self.markers.iter_mut().enumerate() {
                 let [x, y, z] = rest(marker);
                 *held = [x, y, z, 0.0, 0.0, 0.0, 0.0, 1.0];
@@ -177,14 +195,14 @@ impl Turns<'_> {
     pub fn since_base(&self, marker: usize) -> Quat4 {
         let rotation = self.markers.get(marker).map_or(NO_TURN, rotation_of);
         match self.base.get(marker) {
-            Some(&base) if *self.based => quaternion_product(rotation, conjugate(base)),
+            Some(&base) if self.stage.based => quaternion_product(rotation, conjugate(base)),
             _ => rotation,
         }
     }
 
     /// Rotation of a row from the blend of what its markers turned since the base.
     pub fn row(&self, row: usize, blend: Quat4) -> Quat4 {
-        let base = self.rows.get(row).copied().filter(|_| *self.based);
+        let base = self.rows.get(row).copied().filter(|_| self.stage.based);
         match (normalise(blend), base) {
             (Some(turn), Some(base)) => quaternion_product(turn, base),
             (Some(turn), None) => turn,
@@ -212,7 +230,7 @@ impl Turns<'_> {
         for (base, held) in self.base.iter_mut().zip(&*self.markers) {
             *base = rotation_of(held);
         }
-        *self.based = true;
+        self.stage.based = true;
     }
 }
 

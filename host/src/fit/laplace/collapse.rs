@@ -6,7 +6,7 @@
 //! which were not fitted stay sane. Both reproduce rigid motion of the whole body exactly.
 
 mod blocks;
-mod least_squares;
+pub(super) mod least_squares;
 
 use glam::{DMat3, DQuat, DVec3};
 use sinew_core::asset::{LANES, Lanes3};
