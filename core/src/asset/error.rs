@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::{SectionKind, VERSION};
+use crate::deform::laplacian::LaplacianError;
 
 /// Bytes that are not a usable asset. Each case carries the facts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,6 +116,8 @@ pub enum AssetError {
         /// Which row of it.
         row: usize,
     },
+    /// Tables of a Laplacian deformer that are not usable.
+    Laplacian(LaplacianError),
 }
 
 impl AssetError {
@@ -203,6 +206,7 @@ impl fmt::Display for AssetError {
                     "weights of block {block}, vertex {lane} sum to {sum}, not 65535"
                 )
             }
+            Self::Laplacian(error) => write!(f, "the Laplacian surface: {error}"),
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;
         write!(f, "; {}", self.hint())

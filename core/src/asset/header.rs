@@ -1,5 +1,7 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::laplacian::LaplacianDims;
+
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
 
@@ -39,6 +41,8 @@ pub(crate) const AT_SECTION_COUNT: usize = 20;
 pub(crate) const AT_RESERVED: usize = 24;
 pub(crate) const AT_DIMS: usize = 32;
 pub(crate) const DIMS_WORDS: usize = 64;
+/// First word of a group's counts.
+pub(crate) const LAPLACIAN: usize = 48;
 
 /// All counts of an asset. They size every buffer and bound the cost of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -86,6 +90,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// A surface that follows its joints as markers.
+    pub laplacian: LaplacianDims,
 }
 
 impl Dims {
@@ -144,6 +150,7 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
+            laplacian: LaplacianDims::from_words(counts(bytes, LAPLACIAN)),
         }
     }
 
@@ -179,8 +186,25 @@ impl Dims {
             words[at] = counts[at];
             at += 1;
         }
+        let counts = self.laplacian.to_words();
+        at = 0;
+        while at < counts.len() {
+            words[LAPLACIAN + at] = counts[at];
+            at += 1;
+        }
         words
     }
+}
+
+/// Counts that stand one after another from `first` on.
+const fn counts<const N: usize>(bytes: &[u8], first: usize) -> [usize; N] {
+    let mut counts = [0; N];
+    let mut at = 0;
+    while at < N {
+        counts[at] = count(bytes, first + at);
+        at += 1;
+    }
+    counts
 }
 
 /// A count of the header by its number in `SPEC.md`.

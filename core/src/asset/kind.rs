@@ -57,11 +57,57 @@ pub enum SectionKind {
     JointNames = u32::from_le_bytes(*b"JNAM"),
     /// `u8 [name bytes]`: UTF-8.
     Names = u32::from_le_bytes(*b"NAME"),
+    /// `f32 [joints x 3]`: rest position of each marker.
+    MarkerRest = u32::from_le_bytes(*b"LMRK"),
+    /// `u16 [joints - 1][2]`: pairs of neighbouring markers, a tree.
+    MarkerEdges = u32::from_le_bytes(*b"LEDG"),
+    /// `u32 [virtual handles + 1]`: first entry of each.
+    VirtualStarts = u32::from_le_bytes(*b"LVST"),
+    /// `u16 [entries]`: marker of each entry.
+    VirtualMarkers = u32::from_le_bytes(*b"LVMK"),
+    /// `f32 [entries]`: share in the handle's rotation.
+    VirtualTurns = u32::from_le_bytes(*b"LVTN"),
+    /// `f32 [entries x 4]`: `b` and `n` of the handle's position.
+    VirtualCoefficients = u32::from_le_bytes(*b"LVCF"),
+    /// `u32 [blocks + 1]`: first slot of each block.
+    HandleStarts = u32::from_le_bytes(*b"LSTA"),
+    /// `u16 [slots]`: handle, markers first.
+    SlotHandles = u32::from_le_bytes(*b"LHND"),
+    /// `f32 [slots x 4 x 8]`: `b` and `n` of eight vertices.
+    SlotCoefficients = u32::from_le_bytes(*b"LCOF"),
+    /// `u32 [vertices]`: row of each vertex in block order.
+    LaneRows = u32::from_le_bytes(*b"LROW"),
+    /// `f32 [rows x 4]`: rest position, inverse mass.
+    RowRest = u32::from_le_bytes(*b"LRES"),
+    /// `f32 [rows x 4]`: differential coordinates at rest, 0.
+    Differential = u32::from_le_bytes(*b"LDIF"),
+    /// `u32 [rows + 1]`: first neighbour of each row.
+    RowStarts = u32::from_le_bytes(*b"LNST"),
+    /// `u32 [edges]`: neighbours.
+    Neighbours = u32::from_le_bytes(*b"LNBR"),
+    /// `f32 [edges]`: cotangent weights.
+    NeighbourWeights = u32::from_le_bytes(*b"LNWT"),
+    /// `u32 [joints]`: row of each marker.
+    MarkerRows = u32::from_le_bytes(*b"LMRW"),
+    /// `u16 [rows x 4]`: markers that guess a row's position.
+    GuideMarkers = u32::from_le_bytes(*b"LGMK"),
+    /// `f32 [rows x 4]`: their weights.
+    GuideWeights = u32::from_le_bytes(*b"LGWT"),
+    /// `u32 [4]`: supernodes, panels and quads of the harmonic factor; stiffness (f32).
+    FactorSplit = u32::from_le_bytes(*b"LSPL"),
+    /// `u32 [supernodes + 2]`: columns of the harmonic factor, then of the other.
+    FactorColumns = u32::from_le_bytes(*b"LFCO"),
+    /// `u32 [supernodes + 2]`: panels, likewise.
+    FactorPanels = u32::from_le_bytes(*b"LFPN"),
+    /// `u32 [panels x 4]`: rows of the panels, likewise.
+    FactorRows = u32::from_le_bytes(*b"LFRW"),
+    /// `f32 [quads x 4]`: values, likewise.
+    FactorValues = u32::from_le_bytes(*b"LFVA"),
 }
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 48] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -87,6 +133,29 @@ impl SectionKind {
         Self::KeyValues,
         Self::JointNames,
         Self::Names,
+        Self::MarkerRest,
+        Self::MarkerEdges,
+        Self::VirtualStarts,
+        Self::VirtualMarkers,
+        Self::VirtualTurns,
+        Self::VirtualCoefficients,
+        Self::HandleStarts,
+        Self::SlotHandles,
+        Self::SlotCoefficients,
+        Self::LaneRows,
+        Self::RowRest,
+        Self::Differential,
+        Self::RowStarts,
+        Self::Neighbours,
+        Self::NeighbourWeights,
+        Self::MarkerRows,
+        Self::GuideMarkers,
+        Self::GuideWeights,
+        Self::FactorSplit,
+        Self::FactorColumns,
+        Self::FactorPanels,
+        Self::FactorRows,
+        Self::FactorValues,
     ];
 
     /// Length that the counts ask for; `None` where it exceeds the address space.
@@ -124,6 +193,48 @@ impl SectionKind {
             Self::KeyValues => dims.key_value_count.checked_mul(4),
             Self::JointNames => dims.joint_count.checked_mul(8),
             Self::Names => Some(dims.name_bytes),
+            _ => self.laplacian_bytes(dims),
+        }
+    }
+
+    const fn laplacian_bytes(self, dims: &Dims) -> Option<usize> {
+        let counts = &dims.laplacian;
+        let (all, collapsed, exact) = (
+            counts.is_some(),
+            counts.is_collapsed(),
+            counts.is_exact(),
+        );
+        // Number of entries, of which there are none in an asset of another kind; bytes of each.
+        let (wanted, count, bytes) = match self {
+            Self::MarkerRest => (all, dims.joint_count, 12),
+            Self::MarkerEdges => (all, dims.joint_count.saturating_sub(1), 4),
+            Self::VirtualStarts => (collapsed, counts.virtual_count.saturating_add(1), 4),
+            Self::VirtualMarkers => (collapsed, counts.virtual_entry_count, 2),
+            Self::VirtualTurns => (collapsed, counts.virtual_entry_count, 4),
+            Self::VirtualCoefficients => (collapsed, counts.virtual_entry_count, 16),
+            Self::HandleStarts => (collapsed, dims.block_count.saturating_add(1), 4),
+            Self::SlotHandles => (collapsed, counts.slot_count, 2),
+            Self::SlotCoefficients => (collapsed, counts.slot_count, 128),
+            Self::LaneRows => (exact, dims.vertex_count, 4),
+            Self::RowRest | Self::Differential | Self::GuideWeights => {
+                (exact, counts.row_count, 16)
+            }
+            Self::RowStarts => (exact, counts.row_count.saturating_add(1), 4),
+            Self::Neighbours | Self::NeighbourWeights => (exact, counts.edge_count, 4),
+            Self::MarkerRows => (exact, dims.joint_count, 4),
+            Self::GuideMarkers => (exact, counts.row_count, 8),
+            Self::FactorSplit => (exact, 1, 16),
+            Self::FactorColumns | Self::FactorPanels => {
+                (exact, counts.supernode_count.saturating_add(2), 4)
+            }
+            Self::FactorRows => (exact, counts.panel_count, 16),
+            Self::FactorValues => (exact, counts.quad_count, 16),
+            _ => (false, 0, 0),
+        };
+        if wanted {
+            count.checked_mul(bytes)
+        } else {
+            Some(0)
         }
     }
 }

@@ -11,6 +11,7 @@ mod error;
 mod header;
 mod include;
 mod kind;
+mod laplacian;
 mod mesh;
 mod morphs;
 mod sections;
@@ -24,6 +25,7 @@ pub use header::{
 };
 pub use include::Aligned;
 pub use kind::SectionKind;
+pub use laplacian::{LaplacianDims, LaplacianSurface};
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
 
@@ -59,6 +61,7 @@ pub struct Asset<'a> {
     key_values: &'a [f32],
     joint_names: &'a [[u32; 2]],
     names: &'a [u8],
+    laplacian: laplacian::LaplacianView<'a>,
 }
 
 /// Blocks with the same number of slots.

@@ -4,7 +4,7 @@ use bytemuck::{Pod, try_cast_slice};
 
 use super::header::{
     AT_CHECKED, AT_CHECKSUM, AT_DIMS, AT_RESERVED, AT_SECTION_COUNT, AT_TOTAL_BYTES, AT_VERSION,
-    word,
+    LAPLACIAN, word,
 };
 use super::{
     ALIGNMENT, AssetError, Dims, HEADER_BYTES, LANES, MAGIC, NO_PARENT, SECTION_ROW_BYTES,
@@ -182,6 +182,9 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     }
     if dims.max_track_keys > dims.key_time_count {
         return fault(12);
+    }
+    if let Some(index) = dims.laplacian.fault(dims.joint_count) {
+        return fault(LAPLACIAN + index);
     }
     Ok(())
 }

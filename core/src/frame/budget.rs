@@ -9,16 +9,31 @@ use crate::asset::{Dims, LANES};
 pub struct Budget {
     /// Blocks of eight vertices. What is left over is done first in the next frame.
     pub blocks: usize,
+    /// Solves of an exact Laplacian surface: one a frame at most, none to show the last one again.
+    pub solves: usize,
 }
 
 impl Budget {
     /// All of the work in every frame.
-    pub const UNLIMITED: Self = Self { blocks: usize::MAX };
+    pub const UNLIMITED: Self = Self {
+        blocks: usize::MAX,
+        solves: usize::MAX,
+    };
 
     /// At most this many blocks of eight vertices a frame.
     #[must_use]
     pub const fn blocks(blocks: usize) -> Self {
-        Self { blocks }
+        Self {
+            blocks,
+            ..Self::UNLIMITED
+        }
+    }
+
+    /// At most this many solves a frame.
+    #[must_use]
+    pub const fn with_solves(mut self, solves: usize) -> Self {
+        self.solves = solves;
+        self
     }
 }
 
@@ -81,7 +96,14 @@ const SLOT_VERTEX: u64 = 1 + 12;
 /// ```
 #[must_use]
 pub const fn cost(dims: &Dims, budget: Budget) -> Cost {
-    pose_cost(dims).plus(skin_cost(dims, budget))
+    let surface = if dims.laplacian.is_collapsed() {
+        collapsed_cost(dims, budget)
+    } else if dims.laplacian.is_exact() {
+        exact_cost(dims, budget)
+    } else {
+        skin_cost(dims, budget)
+    };
+    pose_cost(dims).plus(surface)
 }
 
 /// Clip sampling, model space, palette.
@@ -126,6 +148,74 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
             + normals * 96
             + if rows > 0 { 8 * blocks } else { 0 },
         bytes_written: blocks * lanes * 24,
+    }
+}
+
+/// Rotations of joints; following one, its matrix, whether it is far from its neighbour.
+const MARKER: u64 = 16 + 60 + 36 + 40;
+/// A rotation made unit, composed with its base, and its matrix.
+const TURN: u64 = 4 + 9 + 4 + 16 + 18;
+
+const fn collapsed_cost(dims: &Dims, budget: Budget) -> Cost {
+    let counts = &dims.laplacian;
+    let all = dims.block_count as u64;
+    let blocks = if (budget.blocks as u64) < all {
+        budget.blocks as u64
+    } else {
+        all
+    };
+    let (lanes, joints) = (LANES as u64, dims.joint_count as u64);
+    let (handles, entries) = (
+        counts.virtual_count as u64,
+        counts.virtual_entry_count as u64,
+    );
+    // Every other block has a slot at least.
+    let slots = (counts.slot_count as u64).saturating_sub(all - blocks);
+    Cost {
+        // Where the base moves, rotations of virtual handles are blended once more.
+        mul_adds: joints * MARKER
+            + entries * (16 + 2 * 20)
+            + handles * 2 * TURN
+            + slots * lanes * (12 + 3 + 9)
+            + blocks * lanes * UNIT_LENGTH,
+        divisions: 0,
+        bytes_read: joints * 16
+            + entries * 22
+            + handles * 4
+            + slots * (2 + 128)
+            + blocks * (96 + 4 * lanes + 8),
+        bytes_written: blocks * lanes * 24,
+    }
+}
+
+const fn exact_cost(dims: &Dims, budget: Budget) -> Cost {
+    let counts = &dims.laplacian;
+    let (joints, vertices) = (dims.joint_count as u64, dims.vertex_count as u64);
+    let (rows, edges) = (counts.row_count as u64, counts.edge_count as u64);
+    let (panels, quads) = (counts.panel_count as u64, counts.quad_count as u64);
+    if budget.solves == 0 {
+        return Cost {
+            mul_adds: joints * 16,
+            divisions: 0,
+            bytes_read: 0,
+            bytes_written: 0,
+        };
+    }
+    Cost {
+        // Four numbers of a quad, four right-hand sides, forward and back. A guess blends four
+        // rigid motions; edges are summed for rotations and, twice, for positions.
+        mul_adds: joints * (MARKER + 8)
+            + quads * 4 * 4 * 2
+            + rows * (2 * TURN + 4 * (18 + 9 + 4) + 9 + 8)
+            + edges * 3 * 4
+            + vertices * (18 + 9),
+        divisions: 0,
+        bytes_read: joints * 20
+            + 2 * (quads * 16 + panels * 16 + 8 * counts.supernode_count as u64)
+            + rows * (16 + 16 + 24 + 3 * 4)
+            + edges * 3 * 8
+            + vertices * (8 + 12),
+        bytes_written: vertices * 24,
     }
 }
 

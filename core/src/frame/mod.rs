@@ -4,6 +4,7 @@ mod avatar;
 mod budget;
 mod buffers;
 mod fingerprint;
+mod follow;
 mod report;
 
 pub use avatar::{Avatar, Input, ModeError};

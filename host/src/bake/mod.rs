@@ -12,6 +12,8 @@ pub mod write;
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
 
 use crate::model::Avatar;
+use crate::fit::laplace::rig::{Rig, Tables};
+use blocks::Blocks;
 use clips::KeyTolerance;
 
 /// How to bake.
@@ -112,14 +114,37 @@ impl AssetBytes {
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
+    bake_with(avatar, &blocks, None, options)
+}
+
+/// Bakes a scan that follows markers. O(vertices + keys + tables)
+///
+/// # Errors
+/// [`BakeError`] where it exceeds the format.
+pub fn bake_rig(rig: &Rig, options: &BakeOptions) -> Result<Baked, BakeError> {
+    let order = match &rig.tables {
+        Tables::Collapsed(tables) => &tables.order,
+        Tables::Exact(tables) => &tables.order,
+    };
+    let blocks = blocks::in_order(&rig.body.skin, order);
+    bake_with(&rig.body, &blocks, Some(&rig.tables), options)
+}
+
+fn bake_with(
+    avatar: &Avatar,
+    blocks: &Blocks,
+    laplacian: Option<&Tables>,
+    options: &BakeOptions,
+) -> Result<Baked, BakeError> {
     let clips = clips::reduce(avatar, options.key_tolerance);
     let centres = options
         .centres
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
     let extras = write::Extras {
         centres: centres.as_deref(),
+        laplacian,
     };
-    let bytes = write::write(avatar, &blocks, &clips, &extras)?;
+    let bytes = write::write(avatar, blocks, &clips, &extras)?;
     let bytes = AssetBytes::new(&bytes);
     let dims = *bytes.asset()?.dims();
     let lengths = SectionKind::ALL.iter();

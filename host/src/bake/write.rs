@@ -1,6 +1,7 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
 mod clips;
+mod laplacian;
 mod morphs;
 
 use std::collections::HashMap;
@@ -14,6 +15,7 @@ use sinew_core::asset::{
 use super::BakeError;
 use super::blocks::Blocks;
 use super::clips::SparseClips;
+use crate::fit::laplace::rig::Tables;
 use crate::model::Avatar;
 
 /// What an asset may hold besides a skinned body and its clips.
@@ -21,6 +23,8 @@ use crate::model::Avatar;
 pub struct Extras<'e> {
     /// `[vertices]`: centres of rotation, for the mode of that name.
     pub centres: Option<&'e [DVec3]>,
+    /// A surface that follows the joints as markers.
+    pub laplacian: Option<&'e Tables>,
 }
 
 /// All sections, in file order, then header and table in front of them.
@@ -38,6 +42,9 @@ pub fn write(
     writer.blocks(avatar, blocks)?;
     if let Some(centres) = extras.centres {
         writer.centres(blocks, centres)?;
+    }
+    if let Some(tables) = extras.laplacian {
+        writer.laplacian(tables)?;
     }
     writer.triangles(avatar, blocks)?;
     writer.morphs(&avatar.mesh.morphs, blocks)?;

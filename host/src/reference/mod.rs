@@ -4,6 +4,7 @@
 
 pub mod dual;
 pub mod laplacian;
+pub mod marked;
 pub mod morph;
 pub mod pose;
 pub mod skin;

@@ -2,10 +2,12 @@
 
 mod blocks;
 mod clips;
+mod laplacian;
 mod mesh;
 mod morphs;
 mod skeleton;
 
+use super::laplacian::LaplacianView;
 use super::sections::Sections;
 use super::{Asset, AssetError, SectionKind, Triangles};
 
@@ -43,12 +45,14 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         key_values: sections.view(SectionKind::KeyValues)?,
         joint_names: sections.view(SectionKind::JointNames)?,
         names: sections.view(SectionKind::Names)?,
+        laplacian: LaplacianView::find(&sections)?,
     };
     skeleton::check(&asset)?;
     mesh::check(&asset)?;
     blocks::check(&asset)?;
     morphs::check(&asset)?;
     clips::check(&asset)?;
+    laplacian::check(&asset)?;
     Ok(asset)
 }
 

@@ -129,6 +129,16 @@ impl<'a> Collapsed<'a> {
         state: &mut TurnState<B>,
         handles: &mut [Affine12],
     ) -> Result<TurnReport, SizeError> {
+        self.handles_of(|marker| poses.get(marker).copied(), state, handles)
+    }
+
+    /// As [`Self::handles`], with the pose of a marker wherever it comes from.
+    pub(crate) fn handles_of<B: BorrowMut<[f32]>>(
+        &self,
+        poses: impl Fn(usize) -> Option<MarkerPose>,
+        state: &mut TurnState<B>,
+        handles: &mut [Affine12],
+    ) -> Result<TurnReport, SizeError> {
         let markers = self.marker_count();
         let found = handles.len();
         let needed = self.handle_count();

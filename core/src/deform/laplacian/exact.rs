@@ -143,6 +143,20 @@ impl<'a> Exact<'a> {
         workspace: &mut [f32],
         output: &mut Output<'_>,
     ) -> Result<TurnReport, SizeError> {
+        let poses = |marker: usize| poses.get(marker).copied();
+        self.step_of(poses, refinements, level, state, workspace, output)
+    }
+
+    /// As [`Self::step`], with the pose of a marker wherever it comes from.
+    pub(crate) fn step_of<B: BorrowMut<[f32]>>(
+        &self,
+        poses: impl Fn(usize) -> Option<MarkerPose>,
+        refinements: usize,
+        level: Level,
+        state: &mut TurnState<B>,
+        workspace: &mut [f32],
+        output: &mut Output<'_>,
+    ) -> Result<TurnReport, SizeError> {
         let rows = self.row_count();
         let needed = exact_workspace_len(rows);
         let found = workspace.len();

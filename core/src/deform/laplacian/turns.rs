@@ -2,7 +2,8 @@
 //!
 //! A rotation has two quaternions, and blending them needs the right one. The first frame chooses
 //! signs along the marker tree; after that each marker stays with the sign that is nearer to its
-//! last one, so turns of the whole body may go on for ever.
+//! last one, so turns of the whole body may go on for ever. A frame in which most markers jump is
+//! taken for a cut, and starts anew.
 //!
 //! Where two neighbouring markers turn against each other by more than [`LIMIT`], blends of their
 //! quaternions come near zero. The paper then takes the pose before as the new reference; here the
@@ -18,6 +19,10 @@ use crate::math::{Quat4, conjugate, dot4, normalise, quaternion_product};
 /// Cosine of half the angle between neighbours at which the base moves: 200 degrees. Joints of a
 /// body do not reach it, so ordinary motion never depends on its history.
 const LIMIT: f32 = -0.173_648_18;
+
+/// Cosine of half the turn of a marker between two frames beyond which nobody can say which way it
+/// went: 90 degrees. Where most markers do that, signs are chosen anew, as after a cut.
+const CUT: f32 = 0.707_106_77;
 
 /// Positions beyond this are damage, metres.
 const FAR: f32 = 1e6;
@@ -147,7 +152,7 @@ impl Turns<'_> {
     /// other) pairs of neighbouring markers, a tree from the first one's root on.
     pub fn follow(
         &mut self,
-        poses: &[MarkerPose],
+        poses: impl Fn(usize) -> Option<MarkerPose>,
         rest: impl Fn(usize) -> [f32; 3],
         edges: &[[u16; 2]],
     ) -> TurnReport {
@@ -161,13 +166,16 @@ impl Turns<'_> {
                 *held = [x, y, z, 0.0, 0.0, 0.0, 0.0, 1.0];
             }
         }
+        let mut jumps = 0;
         for (marker, held) in self.markers.iter_mut().enumerate() {
-            let Some((position, rotation)) = poses.get(marker).and_then(usable) else {
+            let Some((position, rotation)) = poses(marker).as_ref().and_then(usable) else {
                 report.held_markers += 1;
                 continue;
             };
             let last = rotation_of(held);
-            let rotation = if !first && dot4(rotation, last) < 0.0 {
+            let along = dot4(rotation, last);
+            jumps += usize::from(-CUT < along && along < CUT);
+            let rotation = if !first && along < 0.0 {
                 rotation.map(|x| -x)
             } else {
                 rotation
@@ -175,7 +183,9 @@ impl Turns<'_> {
             let ([x, y, z], [a, b, c, d]) = (position, rotation);
             *held = [x, y, z, 0.0, a, b, c, d];
         }
-        if first {
+        let cut = 2 * jumps > self.markers.len();
+        if first || cut {
+            self.stage.based = false;
             for &[one, other] in edges {
                 let Some(one) = self.markers.get(usize::from(one)).map(rotation_of) else {
                     continue;

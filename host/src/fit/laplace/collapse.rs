@@ -8,12 +8,16 @@
 mod blocks;
 pub(super) mod least_squares;
 
+use std::collections::BTreeMap;
+
 use glam::{DMat3, DQuat, DVec3};
 use sinew_core::asset::{LANES, Lanes3};
 use sinew_core::deform::laplacian::{Collapsed, CollapsedParts, LaplacianError};
 
 use self::least_squares::{Fit, Frame};
 use super::graph::Graph;
+use super::rig::lanes;
+use super::volume::Restorer;
 use super::{LaplaceError, MarkerTarget, Surface};
 use crate::reference::laplacian::positions;
 
@@ -28,6 +32,8 @@ pub struct CollapseOptions {
     pub handles_a_block: usize,
     /// Pull toward blended rigid motion, as a part of the mean square of the fitted terms.
     pub ridge: f64,
+    /// Fit to poses whose volume was restored ([`super::volume`]).
+    pub keep_volume: bool,
 }
 
 impl Default for CollapseOptions {
@@ -37,6 +43,7 @@ impl Default for CollapseOptions {
             markers_a_virtual_handle: 16,
             handles_a_block: 8,
             ridge: 1e-6,
+            keep_volume: false,
         }
     }
 }
@@ -88,6 +95,46 @@ impl CollapsedTables {
             slot_coefficients: &self.slot_coefficients,
             rest_normals: &self.rest_normals,
         })
+    }
+
+    /// The same for `[vertices]` that follow places of the surface: `vertex_of` says which. Several
+    /// may follow one; `normal`: of a vertex at rest. O(vertices log vertices)
+    #[must_use]
+    pub fn for_vertices(&self, vertex_of: &[u32], normal: impl Fn(usize) -> DVec3) -> Self {
+        let mut place = vec![0_u32; self.order.len()];
+        for (at, &vertex) in self.order.iter().enumerate() {
+            place[vertex as usize] = at as u32;
+        }
+        let mut order: Vec<u32> = (0..vertex_of.len() as u32).collect();
+        order.sort_by_key(|&vertex| place[vertex_of[vertex as usize] as usize]);
+        let mut tables = Self {
+            block_starts: vec![0],
+            slot_handles: Vec::new(),
+            slot_coefficients: Vec::new(),
+            rest_normals: Vec::new(),
+            order: Vec::new(),
+            ..self.clone()
+        };
+        for vertices in order.chunks(LANES) {
+            let places = vertices.iter().map(|&v| place[vertex_of[v as usize] as usize] as usize);
+            let mut slots: BTreeMap<u16, [[f32; LANES]; 4]> = BTreeMap::new();
+            for (lane, at) in places.enumerate() {
+                let (block, from) = (at / LANES, at % LANES);
+                let range = self.block_starts[block] as usize..self.block_starts[block + 1] as usize;
+                for slot in range {
+                    let to = slots.entry(self.slot_handles[slot]).or_default();
+                    for (to, row) in to.iter_mut().zip(&self.slot_coefficients[slot]) {
+                        to[lane] = row[from];
+                    }
+                }
+            }
+            tables.slot_handles.extend(slots.keys());
+            tables.slot_coefficients.extend(slots.values());
+            tables.block_starts.push(tables.slot_handles.len() as u32);
+            tables.rest_normals.push(lanes(vertices, &normal));
+        }
+        tables.order = order;
+        tables
     }
 
     /// Frames of all handles in a pose, in `f64`: markers, then virtual handles.
@@ -142,9 +189,19 @@ impl CollapsedTables {
     /// Difference to the exact surface over poses.
     #[must_use]
     pub fn compare(&self, surface: &Surface, poses: &[Vec<MarkerTarget>]) -> CollapseReport {
+        let exact: Vec<_> = poses.iter().map(|pose| positions(surface, pose)).collect();
+        self.compare_with(surface, poses, &exact)
+    }
+
+    /// Difference to given surfaces `[poses][vertices]`.
+    fn compare_with(
+        &self,
+        surface: &Surface,
+        poses: &[Vec<MarkerTarget>],
+        exact: &[Vec<DVec3>],
+    ) -> CollapseReport {
         let mut errors: Vec<f64> = Vec::new();
-        for targets in poses {
-            let exact = positions(surface, targets);
+        for (targets, exact) in poses.iter().zip(exact) {
             let collapsed = self.positions(surface, targets);
             errors.extend(exact.iter().zip(collapsed).map(|(a, b)| a.distance(b)));
         }
@@ -206,7 +263,7 @@ pub fn collapse(
     });
     let mut all = vec![at_rest.collect::<Vec<_>>()];
     all.extend_from_slice(poses);
-    let exact: Vec<Vec<DVec3>> = all.iter().map(|pose| positions(surface, pose)).collect();
+    let exact = shapes(surface, triangles, &all, options);
 
     let graph = Graph::new(&surface.positions, triangles);
     let chosen = graph.spread(&surface.markers, options.virtual_handles);
@@ -249,14 +306,25 @@ pub fn collapse(
         }
         tables.block_starts.push(tables.slot_handles.len() as u32);
         if !normals.is_empty() {
-            // Lanes beyond the last vertex repeat it.
-            let at = |lane: usize| normals[vertices[lane.min(vertices.len() - 1)] as usize];
-            tables.rest_normals.push(
-                [0, 1, 2].map(|axis| std::array::from_fn(|lane| at(lane).to_array()[axis] as f32)),
-            );
+            tables.rest_normals.push(lanes(vertices, |vertex| normals[vertex]));
         }
     }
     Ok(tables)
+}
+
+/// The surfaces to fit to.
+fn shapes(
+    surface: &Surface,
+    triangles: &[[u32; 3]],
+    poses: &[Vec<MarkerTarget>],
+    options: &CollapseOptions,
+) -> Vec<Vec<DVec3>> {
+    let mut shapes: Vec<Vec<DVec3>> = poses.iter().map(|pose| positions(surface, pose)).collect();
+    if options.keep_volume {
+        let restorer = Restorer::new(&surface.positions, triangles);
+        shapes.iter_mut().for_each(|shape| restorer.restore(shape));
+    }
+    shapes
 }
 
 /// Fits with more and more handles until the surface in `held_out` poses is close enough, and says
@@ -272,16 +340,18 @@ pub fn collapse_within(
     normals: &[DVec3],
     poses: &[Vec<MarkerTarget>],
     held_out: &[Vec<MarkerTarget>],
+    start: &CollapseOptions,
     tolerance: f64,
 ) -> Result<(CollapsedTables, CollapseOptions, CollapseReport), LaplaceError> {
+    let exact = shapes(surface, triangles, held_out, start);
     let mut handles_a_block = 8;
     loop {
         let options = CollapseOptions {
             handles_a_block,
-            ..CollapseOptions::default()
+            ..*start
         };
         let tables = collapse(surface, triangles, normals, poses, &options)?;
-        let report = tables.compare(surface, held_out);
+        let report = tables.compare_with(surface, held_out, &exact);
         handles_a_block = match handles_a_block {
             8 => 12,
             12 => 16,

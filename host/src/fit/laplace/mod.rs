@@ -15,10 +15,12 @@ mod nearest;
 pub mod operator;
 pub mod pairs;
 pub mod repair;
+pub mod rig;
 pub mod rotations;
 pub mod suggest;
 mod surface;
 pub mod template;
+pub mod volume;
 
 pub use collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse, collapse_within};
 pub use drive::{DriveOptions, Driven, drive};

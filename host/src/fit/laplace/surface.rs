@@ -163,7 +163,7 @@ impl Surface {
     }
 
     /// The four heaviest markers of a vertex and their weights, which sum to one.
-    fn guide(&self, vertex: usize) -> ([u16; 4], [f32; 4]) {
+    pub(super) fn guide(&self, vertex: usize) -> ([u16; 4], [f32; 4]) {
         let mut heaviest: Vec<(f64, u16)> = self
             .weights
             .iter()

@@ -4,32 +4,28 @@ use glam::DVec3;
 
 use super::Graph;
 
-/// Ties each component without a marker to the nearest vertex of one with a marker: a list of
-/// (vertex, its anchor) with one entry a vertex of such components, so that they can follow
-/// rigidly. O(components x vertices)
+/// A marker for each component without one: the vertex nearest to a given marker, and which marker
+/// that is. The component then follows it rigidly.
+/// O(components x markers x vertices) at worst
 #[must_use]
 pub fn attachments(
     positions: &[DVec3],
     triangles: &[[u32; 3]],
     markers: &[u32],
-) -> Vec<(u32, u32)> {
+) -> Vec<(u32, usize)> {
     let graph = Graph::new(positions, triangles);
-    let (marked, unmarked): (Vec<_>, Vec<_>) = graph
-        .components()
-        .into_iter()
-        .partition(|vertices| vertices.iter().any(|v| markers.contains(v)));
-    let anchors: Vec<u32> = marked.concat();
-    let mut ties = Vec::new();
-    for vertices in unmarked {
-        let place = vertices.iter().map(|&v| positions[v as usize]);
-        let centre = place.sum::<DVec3>() / vertices.len() as f64;
-        let nearest = anchors.iter().copied().min_by(|&a, &b| {
-            let distance = |v: u32| positions[v as usize].distance_squared(centre);
-            distance(a).total_cmp(&distance(b))
-        });
-        if let Some(nearest) = nearest {
-            ties.extend(vertices.into_iter().map(|vertex| (vertex, nearest)));
-        }
-    }
-    ties
+    let components = graph.components().into_iter();
+    let unmarked = components.filter(|vertices| !vertices.iter().any(|v| markers.contains(v)));
+    let tie = |vertices: Vec<u32>| {
+        let pairs = vertices
+            .iter()
+            .flat_map(|&v| markers.iter().enumerate().map(move |(at, &m)| (v, m, at)));
+        let distance = |&(v, m, _): &(u32, u32, usize)| {
+            positions[v as usize].distance_squared(positions[m as usize])
+        };
+        pairs
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .map(|(vertex, _, marker)| (vertex, marker))
+    };
+    unmarked.filter_map(tie).collect()
 }
