@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::load::Reading;
@@ -17,25 +17,44 @@ use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
 use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
+mod laplacian;
+
 /// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
-  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew")]
+  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
+  sinew bake --mode laplacian --mesh scan.ply --markers take.c3d --output scan.sinew
+  sinew bake --mode laplacian --mesh scan.obj --template walk.bvh --picture markers.png \\
+    --save-pairs markers.txt --output scan.sinew")]
 pub(crate) struct Bake {
-    /// The body: a .glb or .gltf with skin weights.
+    /// The body: a .glb or .gltf with skin weights; a scan may be a .ply or .obj too.
     #[arg(long)]
     mesh: PathBuf,
+    /// How the surface follows.
+    #[arg(long, value_enum, default_value_t = Mode::Skin)]
+    mode: Mode,
     /// Captured motion (.bvh), put on the body by rotation alone; may be given several times.
     #[arg(long)]
     motion: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
+    #[command(flatten)]
+    laplacian: laplacian::Laplacian,
     /// Where to write the asset.
     #[arg(long, short)]
     output: PathBuf,
+}
+
+/// What moves a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Mode {
+    /// Its skeleton, by skin weights.
+    Skin,
+    /// Markers on it, without a skeleton.
+    Laplacian,
 }
 
 /// How a captured motion is put on a body.
@@ -116,6 +135,11 @@ impl Fitting {
 
 impl Bake {
     pub fn run(self, say: &Say) -> Result<Value, Failure> {
+        if self.mode == Mode::Laplacian {
+            let (mesh, reading) = (&self.mesh, self.fitting.reading);
+            let scan = &self.laplacian;
+            return scan.run(mesh, &self.motion, reading, &self.output, say);
+        }
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
         for path in &self.motion {

@@ -10,6 +10,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::LaplaceError;
 use super::nearest::Nearest;
 use super::rotations::fit_rotation;
+use super::template::Template;
 
 /// Rotation, scale and translation, in that order.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +64,9 @@ pub struct Alignment {
     pub similarity: Similarity,
     /// Mean distance of the better nine tenths of the template's points from the scan, metres.
     pub residual: f64,
+    /// Mean distance of the template from the scan and of the scan from the template together,
+    /// metres: how alike their poses are.
+    pub misfit: f64,
     /// How much better it fits than the best of another direction: 1 is a draw.
     pub lead: f64,
 }
@@ -115,8 +119,31 @@ pub fn align(
     Ok(Alignment {
         similarity,
         residual,
+        misfit: misfit(&from.points, &to.points, &tree, &similarity),
         lead: second.map_or(f64::INFINITY, |(error, _)| error / best.max(1e-12)),
     })
+}
+
+/// Frames of a template that are tried for the pose of a scan.
+const FRAMES: usize = 24;
+
+/// The frame of a template whose pose is most like a scan's, and its alignment. Cost as [`align`],
+/// for two dozen frames.
+///
+/// # Errors
+/// As [`align`].
+pub fn best_frame(template: &Template, scan: &[DVec3]) -> Result<(usize, Alignment), LaplaceError> {
+    let all: Vec<u32> = (0..template.point_count() as u32).collect();
+    let step = template.frame_count().div_ceil(FRAMES).max(1);
+    let frames: Vec<usize> = (0..template.frame_count()).step_by(step).collect();
+    let mut best: Option<(usize, Alignment)> = None;
+    for frame in frames {
+        let found = align(&template.positions(&all, frame), scan, None)?;
+        if best.is_none_or(|(_, best)| found.misfit < best.misfit) {
+            best = Some((frame, found));
+        }
+    }
+    best.ok_or(LaplaceError::NoTemplate)
 }
 
 /// Points with their middle, principal axes and size.

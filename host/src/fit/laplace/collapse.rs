@@ -97,6 +97,24 @@ impl CollapsedTables {
         })
     }
 
+    /// Places of virtual handles at rest, metres.
+    #[must_use]
+    pub fn virtual_rest(&self) -> Vec<[f32; 3]> {
+        let starts = self.virtual_starts.windows(2);
+        let place = |pair: &[u32]| {
+            let mut sum = [0.0; 3];
+            for entry in pair[0] as usize..pair[1] as usize {
+                let marker = self.marker_rest[usize::from(self.virtual_markers[entry])];
+                let [b, c, d, n] = self.virtual_coefficients[entry];
+                for ((sum, b), p) in sum.iter_mut().zip([b, c, d]).zip(marker) {
+                    *sum += b + n * p;
+                }
+            }
+            sum
+        };
+        starts.map(place).collect()
+    }
+
     /// The same for `[vertices]` that follow places of the surface: `vertex_of` says which. Several
     /// may follow one; `normal`: of a vertex at rest. O(vertices log vertices)
     #[must_use]

@@ -14,6 +14,7 @@ pub mod graph;
 mod nearest;
 pub mod operator;
 pub mod pairs;
+pub mod picture;
 pub mod repair;
 pub mod rig;
 pub mod rotations;
