@@ -270,22 +270,21 @@ impl Laplacian {
         let bar = say.progress("reading", files.len());
         let (mut frames, mut triangles) = (Vec::new(), Vec::new());
         for path in &files {
-            if let (Loaded::Mesh(mesh), _) = load::any(path, reading)? {
-                let first = frames.first().map_or(mesh.positions.len(), Vec::len);
-                if mesh.positions.len() != first {
-                    let text = format!(
-                        "{}: {} points, where the first frame has {first}; export all with one \
-                         connectivity",
-                        path.display(),
-                        mesh.positions.len()
-                    );
-                    return Err(Failure::Data(text));
-                }
-                if frames.is_empty() {
-                    triangles = mesh.triangles;
-                }
-                frames.push(mesh.positions);
+            let (points, corners) = load::frame(path, reading)?;
+            let first = frames.first().map_or(points.len(), Vec::len);
+            if points.len() != first {
+                let text = format!(
+                    "{}: {} points, where the first frame has {first}; export all with one \
+                     connectivity",
+                    path.display(),
+                    points.len()
+                );
+                return Err(Failure::Data(text));
             }
+            if frames.is_empty() {
+                triangles = corners;
+            }
+            frames.push(points);
             bar.inc(1);
         }
         bar.finish_and_clear();

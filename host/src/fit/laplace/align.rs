@@ -71,10 +71,10 @@ pub struct Alignment {
     pub lead: f64,
 }
 
-/// Points of either side that take part.
-const SAMPLES: usize = 600;
-/// Rounds of closest points for each of the 24 turns, and for the best of them.
-const ROUNDS: [usize; 2] = [6, 40];
+/// Points of either side that take part for each of the 24 turns, and for the best of them.
+const SAMPLES: [usize; 2] = [120, 500];
+/// Rounds of closest points, likewise.
+const ROUNDS: [usize; 2] = [5, 30];
 /// Closest pairs beyond the better part of this size are left out.
 const KEPT: f64 = 0.9;
 /// A turn that lays the template down must fit better by this factor: importers know what is up.
@@ -90,8 +90,10 @@ pub fn align(
     scan: &[DVec3],
     scale: Option<f64>,
 ) -> Result<Alignment, LaplaceError> {
-    let from = Shape::new(&thinned(points)).ok_or(LaplaceError::Flat { what: "template" })?;
-    let to = Shape::new(&thinned(scan)).ok_or(LaplaceError::Flat { what: "scan" })?;
+    let from = Shape::new(points).ok_or(LaplaceError::Flat { what: "template" })?;
+    let to = Shape::new(scan).ok_or(LaplaceError::Flat { what: "scan" })?;
+    let (few, few_of_scan) = (thinned(points, SAMPLES[0]), thinned(scan, SAMPLES[0]));
+    let (many, many_of_scan) = (thinned(points, SAMPLES[1]), thinned(scan, SAMPLES[1]));
     let tree = Nearest::new(scan);
     let start_scale = scale.unwrap_or(to.extent / from.extent);
     let mut tries: Vec<(f64, Similarity)> = Vec::new();
@@ -102,33 +104,33 @@ pub fn align(
             scale: start_scale,
             translation: to.middle - rotation * (from.middle * start_scale),
         };
-        let found = refine(&from.points, &tree, scan, start, scale, ROUNDS[0]);
+        let found = refine(&few, &tree, scan, start, scale, ROUNDS[0]);
         let lying = if (found.rotation * DVec3::Y).y < 0.7 {
             LYING
         } else {
             1.0
         };
-        tries.push((lying * misfit(&from.points, &to.points, &tree, &found), found));
+        tries.push((lying * misfit(&few, &few_of_scan, &tree, &found), found));
     }
     tries.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (best, start) = tries[0];
-    let similarity = refine(&from.points, &tree, scan, start, scale, ROUNDS[1]);
+    let similarity = refine(&many, &tree, scan, start, scale, ROUNDS[1]);
     let apart = |other: &Similarity| (other.rotation * start.rotation.inverse()).to_axis_angle().1;
     let second = tries.iter().find(|(_, other)| apart(other) > 0.5);
-    let (_, residual) = kept(&from.points, &tree, &similarity);
+    let (_, residual) = kept(&many, &tree, &similarity);
     Ok(Alignment {
         similarity,
         residual,
-        misfit: misfit(&from.points, &to.points, &tree, &similarity),
+        misfit: misfit(&many, &many_of_scan, &tree, &similarity),
         lead: second.map_or(f64::INFINITY, |(error, _)| error / best.max(1e-12)),
     })
 }
 
 /// Frames of a template that are tried for the pose of a scan.
-const FRAMES: usize = 24;
+const FRAMES: usize = 16;
 
 /// The frame of a template whose pose is most like a scan's, and its alignment. Cost as [`align`],
-/// for two dozen frames.
+/// for some frames.
 ///
 /// # Errors
 /// As [`align`].
@@ -146,9 +148,8 @@ pub fn best_frame(template: &Template, scan: &[DVec3]) -> Result<(usize, Alignme
     best.ok_or(LaplaceError::NoTemplate)
 }
 
-/// Points with their middle, principal axes and size.
+/// Middle, principal axes and size of points.
 struct Shape {
-    points: Vec<DVec3>,
     middle: DVec3,
     /// Columns, right-handed, longest first.
     axes: DMat3,
@@ -168,7 +169,6 @@ impl Shape {
         let extent = ((sum.x_axis.x + sum.y_axis.y + sum.z_axis.z) / count).sqrt();
         let usable = points.len() >= 3 && extent.is_finite() && extent > 1e-6;
         usable.then(|| Self {
-            points: points.to_vec(),
             middle,
             axes: principal_axes(sum),
             extent,
@@ -275,8 +275,8 @@ fn misfit(points: &[DVec3], scan: &[DVec3], tree: &Nearest, now: &Similarity) ->
 }
 
 /// Every so many-th point.
-fn thinned(points: &[DVec3]) -> Vec<DVec3> {
-    let step = points.len().div_ceil(SAMPLES).max(1);
+fn thinned(points: &[DVec3], count: usize) -> Vec<DVec3> {
+    let step = points.len().div_ceil(count).max(1);
     points.iter().copied().step_by(step).collect()
 }
 
