@@ -1,4 +1,4 @@
-//! Which asset goes into the firmware, and where the linker finds its scripts.
+//! Which stage and which asset go into the firmware, and where the linker finds its scripts.
 
 use std::path::Path;
 use std::process::Command;
@@ -6,9 +6,14 @@ use std::{env, fs};
 
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    println!("cargo:rustc-link-search={}", root.display());
+    // The memory map of the board.
+    let board = match env::var("TARGET").unwrap_or_default().starts_with("thumbv8m") {
+        true => Path::new(env!("CARGO_MANIFEST_DIR")).join("an505"),
+        false => root.clone(),
+    };
+    println!("cargo:rustc-link-search={}", board.display());
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
-    println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
+    println!("cargo:rerun-if-changed={}", board.join("memory.x").display());
 
     println!("cargo:rerun-if-env-changed=SINEW_ASSET");
     let asset = match env::var_os("SINEW_ASSET") {
@@ -19,6 +24,13 @@ fn main() {
         .unwrap_or_else(|error| panic!("the asset {}: {error}", asset.display()));
     println!("cargo:rerun-if-changed={}", asset.display());
     println!("cargo:rustc-env=SINEW_ASSET_PATH={}", asset.display());
+
+    // A path instead of a look-up by name: the linker then drops all other stages.
+    println!("cargo:rerun-if-env-changed=SINEW_STAGE");
+    let stage = env::var("SINEW_STAGE").unwrap_or("skin".into());
+    let out = env::var_os("OUT_DIR").expect("cargo sets it");
+    let text = format!("pub use sinew_stages::{stage}::run;\n");
+    fs::write(Path::new(&out).join("stage.rs"), text).expect("the build folder takes files");
 
     println!("cargo:rustc-env=SINEW_COMPILER={}", compiler());
 }
