@@ -77,12 +77,18 @@ fn targets(surface: &Surface, turn: f64) -> Vec<MarkerTarget> {
 fn eight_joints(surface: &Surface, triangles: &[[u32; 3]]) -> Avatar {
     let rest = surface.marker_rest();
     let influences = |vertex: usize| {
-        let weights = surface.weights.iter().map(|weights| weights[vertex].max(1e-6));
+        let weights = surface
+            .weights
+            .iter()
+            .map(|weights| weights[vertex].max(1e-6));
         let mut heaviest: Vec<(u32, f64)> = (0..).zip(weights).collect();
         heaviest.sort_by(|a, b| b.1.total_cmp(&a.1));
         heaviest.truncate(8);
         let sum: f64 = heaviest.iter().map(|pair| pair.1).sum();
-        heaviest.iter().map(|&(marker, weight)| (marker, weight / sum)).collect()
+        heaviest
+            .iter()
+            .map(|&(marker, weight)| (marker, weight / sum))
+            .collect()
     };
     let joint = |(at, place): (usize, &DVec3)| Joint {
         name: format!("marker {at}"),

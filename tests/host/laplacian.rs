@@ -36,7 +36,10 @@ impl Drop for Folder {
 }
 
 fn sinew(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sinew")).args(arguments).output().expect("runs")
+    Command::new(env!("CARGO_BIN_EXE_sinew"))
+        .args(arguments)
+        .output()
+        .expect("runs")
 }
 
 fn words(output: &Output) -> String {
@@ -68,7 +71,11 @@ fn arm() -> (Vec<DVec3>, Vec<[usize; 3]>) {
             let along = ring as f64 / (RINGS - 1) as f64;
             let bump = if ring > 24 && side < 2 { 0.03 } else { 0.0 };
             let radius = 0.06 - 0.025 * along + bump;
-            positions.push(DVec3::new(0.6 * along, 1.0 + radius * angle.cos(), radius * angle.sin()));
+            positions.push(DVec3::new(
+                0.6 * along,
+                1.0 + radius * angle.cos(),
+                radius * angle.sin(),
+            ));
             if ring + 1 < RINGS {
                 let (low, next) = (ring * SIDES + side, ring * SIDES + (side + 1) % SIDES);
                 triangles.push([low, next, next + SIDES]);
@@ -106,7 +113,10 @@ fn trc(vertices: &[usize], positions: &[DVec3], frames: usize) -> String {
          OrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n100\t100\t{frames}\t{count}\tm\t100\t1\t{frames}\n\
          Frame#\tTime\t{}\n\t\t{}\n\n",
         names.join("\t\t\t"),
-        (1..=count).map(|k| format!("X{k}\tY{k}\tZ{k}")).collect::<Vec<_>>().join("\t"),
+        (1..=count)
+            .map(|k| format!("X{k}\tY{k}\tZ{k}"))
+            .collect::<Vec<_>>()
+            .join("\t"),
     );
     for frame in 0..frames {
         let phase = frame as f64 / (frames - 1) as f64 * std::f64::consts::TAU;
@@ -134,12 +144,28 @@ fn an_arm_follows_its_markers_and_verifies() {
     let (positions, triangles) = arm();
     let scan = folder.write("arm.obj", &obj(&positions, &triangles));
     let take = folder.write("arm.trc", &trc(&markers(), &positions, 101));
-    let (asset, pairs, picture) =
-        (folder.path("arm.sinew"), folder.path("pairs.txt"), folder.path("arm.png"));
+    let (asset, pairs, picture) = (
+        folder.path("arm.sinew"),
+        folder.path("pairs.txt"),
+        folder.path("arm.png"),
+    );
     for exact in [false, true] {
         let mut arguments = vec![
-            "bake", "--mode", "laplacian", "--mesh", &scan, "--markers", &take, "--output", &asset,
-            "--save-pairs", &pairs, "--picture", &picture, "--pose-frame", "0",
+            "bake",
+            "--mode",
+            "laplacian",
+            "--mesh",
+            &scan,
+            "--markers",
+            &take,
+            "--output",
+            &asset,
+            "--save-pairs",
+            &pairs,
+            "--picture",
+            &picture,
+            "--pose-frame",
+            "0",
         ];
         if exact {
             arguments.push("--exact");
@@ -154,11 +180,16 @@ fn an_arm_follows_its_markers_and_verifies() {
         object(&["play", &asset, "--output", &npy]);
         let bytes = fs::read(&npy).expect("written");
         let numbers = &bytes[bytes.len() - 101 * positions.len() * 12..];
-        let number = |at: usize| f32::from_le_bytes(numbers[4 * at..][..4].try_into().expect("four"));
+        let number =
+            |at: usize| f32::from_le_bytes(numbers[4 * at..][..4].try_into().expect("four"));
         let mut sum = 0.0;
         for (v, p) in positions.iter().enumerate() {
             let at = 3 * (50 * positions.len() + v);
-            let found = DVec3::new(number(at).into(), number(at + 1).into(), number(at + 2).into());
+            let found = DVec3::new(
+                number(at).into(),
+                number(at + 1).into(),
+                number(at + 2).into(),
+            );
             sum += found.distance(bent(*p, 1.2));
         }
         let mean = sum / positions.len() as f64;
@@ -166,11 +197,24 @@ fn an_arm_follows_its_markers_and_verifies() {
     }
     // The marker file gives the same pairs back, and a person may drop a line.
     let text = fs::read_to_string(&pairs).expect("written");
-    let fewer = text.lines().filter(|line| !line.starts_with("M0,")).collect::<Vec<_>>().join("\n");
+    let fewer = text
+        .lines()
+        .filter(|line| !line.starts_with("M0,"))
+        .collect::<Vec<_>>()
+        .join("\n");
     let fewer = folder.write("fewer.txt", &fewer);
     let baked = object(&[
-        "bake", "--mode", "laplacian", "--mesh", &scan, "--markers", &take, "--output", &asset,
-        "--pairs", &fewer,
+        "bake",
+        "--mode",
+        "laplacian",
+        "--mesh",
+        &scan,
+        "--markers",
+        &take,
+        "--output",
+        &asset,
+        "--pairs",
+        &fewer,
     ]);
     assert_eq!(baked["laplacian"]["markers"], 32);
 }
@@ -186,20 +230,51 @@ fn faults_of_scans_and_marker_files_are_named() {
     let scan = folder.write("loose.obj", &obj(&positions, &triangles));
     let asset = folder.path("out.sinew");
     let bake = |more: &[&str]| {
-        let common = ["bake", "--mode", "laplacian", "--mesh", &scan, "--output", &asset];
-        [&common, more].concat().into_iter().map(str::to_owned).collect::<Vec<_>>()
+        let common = [
+            "bake",
+            "--mode",
+            "laplacian",
+            "--mesh",
+            &scan,
+            "--output",
+            &asset,
+        ];
+        [&common, more]
+            .concat()
+            .into_iter()
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
     };
     fn strs(arguments: &[String]) -> Vec<&str> {
         arguments.iter().map(String::as_str).collect()
     }
     let said = refused(&strs(&bake(&["--markers", &take, "--pose-frame", "0"])));
-    assert!(said.contains("3 vertices from vertex 372 on") && said.contains("--attach"), "{said}");
+    assert!(
+        said.contains("3 vertices from vertex 372 on") && said.contains("--attach"),
+        "{said}"
+    );
     assert!(!Path::new(&asset).exists());
-    let attached = object(&strs(&bake(&["--markers", &take, "--pose-frame", "0", "--attach"])));
+    let attached = object(&strs(&bake(&[
+        "--markers",
+        &take,
+        "--pose-frame",
+        "0",
+        "--attach",
+    ])));
     assert_eq!(attached["laplacian"]["attached_components"], 1);
-    let dusted = object(&strs(&bake(&["--markers", &take, "--pose-frame", "0", "--dust", "10"])));
+    let dusted = object(&strs(&bake(&[
+        "--markers",
+        &take,
+        "--pose-frame",
+        "0",
+        "--dust",
+        "10",
+    ])));
     assert_eq!(dusted["vertices"], positions.len());
-    let bad = folder.write("bad.txt", "marker,vertex,x,y,z\nM0,0,0,0,0\nM99999,3,0,0,0\n");
+    let bad = folder.write(
+        "bad.txt",
+        "marker,vertex,x,y,z\nM0,0,0,0,0\nM99999,3,0,0,0\n",
+    );
     let said = refused(&strs(&bake(&["--markers", &take, "--pairs", &bad])));
     assert!(said.contains("line 3") && said.contains("M99999"), "{said}");
     let usage = sinew(&strs(&bake(&[])));
@@ -219,9 +294,25 @@ fn a_folder_of_meshes_is_a_template() {
     }
     let (frames, asset) = (folder.path("frames"), folder.path("arm.sinew"));
     let baked = object(&[
-        "bake", "--mode", "laplacian", "--mesh", &scan, "--template", &frames, "--output", &asset,
-        "--marker-count", "30", "--pose-frame", "0",
+        "bake",
+        "--mode",
+        "laplacian",
+        "--mesh",
+        &scan,
+        "--template",
+        &frames,
+        "--output",
+        &asset,
+        "--marker-count",
+        "30",
+        "--pose-frame",
+        "0",
     ]);
     assert_eq!(baked["laplacian"]["markers"], 30);
-    assert!(baked["laplacian"]["marker_misfit_mm"].as_f64().expect("a number") < 0.1);
+    assert!(
+        baked["laplacian"]["marker_misfit_mm"]
+            .as_f64()
+            .expect("a number")
+            < 0.1
+    );
 }

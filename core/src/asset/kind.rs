@@ -199,11 +199,7 @@ impl SectionKind {
 
     const fn laplacian_bytes(self, dims: &Dims) -> Option<usize> {
         let counts = &dims.laplacian;
-        let (all, collapsed, exact) = (
-            counts.is_some(),
-            counts.is_collapsed(),
-            counts.is_exact(),
-        );
+        let (all, collapsed, exact) = (counts.is_some(), counts.is_collapsed(), counts.is_exact());
         // Number of entries, of which there are none in an asset of another kind; bytes of each.
         let (wanted, count, bytes) = match self {
             Self::MarkerRest => (all, dims.joint_count, 12),

@@ -193,7 +193,7 @@ const fn exact_cost(dims: &Dims, budget: Budget) -> Cost {
     let (joints, vertices) = (dims.joint_count as u64, dims.vertex_count as u64);
     let (rows, edges) = (counts.row_count as u64, counts.edge_count as u64);
     let (panels, quads) = (counts.panel_count as u64, counts.quad_count as u64);
-    if budget.solves == 0 {
+    if budget.solves == 0 || budget.blocks == 0 {
         return Cost {
             mul_adds: joints * 16,
             divisions: 0,

@@ -8,7 +8,7 @@ use crate::pose;
 
 impl Avatar<'_, '_> {
     /// Markers from the joints' matrices, then the surface, as much of it as the budget allows: a
-    /// collapsed one block by block, an exact one whole or, with no solve left, not at all.
+    /// collapsed one block by block, an exact one whole or, with no solve or no block left, not at all.
     pub(super) fn follow(
         &mut self,
         surface: &LaplacianSurface<'_>,
@@ -17,7 +17,9 @@ impl Avatar<'_, '_> {
         report: &mut FrameReport,
     ) {
         let budget = match surface {
-            LaplacianSurface::Exact(_) if budget.solves == 0 => Budget::blocks(0),
+            LaplacianSurface::Exact(_) if budget.solves == 0 || budget.blocks == 0 => {
+                Budget::blocks(0)
+            }
             LaplacianSurface::Exact(_) => Budget::UNLIMITED,
             LaplacianSurface::Collapsed(_) => budget,
         };

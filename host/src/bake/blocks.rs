@@ -86,7 +86,10 @@ pub fn in_order(skin: &Skin, order: &[u32]) -> Blocks {
         .map(|influences| round(influences, &mut weight_error))
         .collect();
     Blocks {
-        blocks: order.chunks(LANES).map(|block| slots(block, &weights)).collect(),
+        blocks: order
+            .chunks(LANES)
+            .map(|block| slots(block, &weights))
+            .collect(),
         order: order.to_vec(),
         weight_error,
     }

@@ -11,8 +11,8 @@ pub mod write;
 
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
 
-use crate::model::Avatar;
 use crate::fit::laplace::rig::{Rig, Tables};
+use crate::model::Avatar;
 use blocks::Blocks;
 use clips::KeyTolerance;
 

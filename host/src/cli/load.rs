@@ -142,10 +142,7 @@ pub(crate) fn motion(path: &Path, reading: Reading) -> Result<(Motion, Vec<Notic
 }
 
 /// Reads a frame of a moving mesh or point cloud: positions in metres, and triangles if any.
-pub(crate) fn frame(
-    path: &Path,
-    reading: Reading,
-) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), Failure> {
+pub(crate) fn frame(path: &Path, reading: Reading) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), Failure> {
     match any(path, reading) {
         Ok((Loaded::Mesh(mesh), _)) => Ok((mesh.positions, mesh.triangles)),
         Err(_) if path.extension().is_some_and(|ending| ending == "ply") => {

@@ -115,10 +115,7 @@ impl<'a> Marked<'a> {
         DVec3::from_array([0, 1, 2].map(|axis| f64::from(block[axis][lane % LANES])))
     }
 
-    fn in_source_order(
-        &self,
-        of: impl Fn(usize) -> (DVec3, DVec3),
-    ) -> (Vec<DVec3>, Vec<DVec3>) {
+    fn in_source_order(&self, of: impl Fn(usize) -> (DVec3, DVec3)) -> (Vec<DVec3>, Vec<DVec3>) {
         let mut places = vec![DVec3::ZERO; self.order.len()];
         let mut normals = places.clone();
         for (lane, &source) in self.order.iter().enumerate() {
@@ -135,10 +132,17 @@ fn refactored(parts: &ExactParts<'_>) -> Result<Surface, LaplaceError> {
         starts: parts.starts.to_vec(),
         neighbours: parts.neighbours.to_vec(),
         weights: parts.weights.iter().map(|&w| f64::from(w)).collect(),
-        mass: parts.rest.iter().map(|row| 1.0 / f64::from(row[3])).collect(),
+        mass: parts
+            .rest
+            .iter()
+            .map(|row| 1.0 / f64::from(row[3]))
+            .collect(),
     };
     let mut marked = vec![false; size];
-    parts.marker_rows.iter().for_each(|&row| marked[row as usize] = true);
+    parts
+        .marker_rows
+        .iter()
+        .for_each(|&row| marked[row as usize] = true);
     let stiffness = f64::from(parts.stiffness);
     let mut squared = laplacian.squared();
     for entry in &mut squared {

@@ -4,12 +4,10 @@ use glam::{DQuat, DVec3};
 use sinew_core::Level;
 use sinew_core::asset::{AssetError, crc32};
 use sinew_core::deform::Output;
-use sinew_core::frame::{
-    Avatar, Budget, Input, State, Workspace, cost, state_len, workspace_len,
-};
+use sinew_core::frame::{Avatar, Budget, Input, State, Workspace, cost, state_len, workspace_len};
 use sinew_host::bake::{AssetBytes, BakeOptions, bake_rig};
-use sinew_host::fit::laplace::drive::{DriveReport, Driven};
 use sinew_host::fit::laplace::align::Similarity;
+use sinew_host::fit::laplace::drive::{DriveReport, Driven};
 use sinew_host::fit::laplace::repair::{RepairOptions, repair};
 use sinew_host::fit::laplace::rig::{Rig, RigOptions, Solve, rig};
 use sinew_host::model::{Mesh, Part};
@@ -36,7 +34,7 @@ fn scan(solve: Solve) -> Rig {
     }
     positions.push(DVec3::splat(3.0));
     let loose = positions.len() as u32;
-    positions.extend([0.0, 0.01, 0.02].map(|x| DVec3::new(0.1 + x, 0.6, x * x)));
+    positions.extend([0.0, 0.01, 0.02].map(|x| DVec3::new(0.1 + x, 0.6, 10.0 * x * x)));
     normals.extend([DVec3::Y; 4]);
     triangles.push([loose, loose + 1, loose + 2]);
     let mesh = Mesh {
@@ -54,7 +52,10 @@ fn scan(solve: Solve) -> Rig {
     };
     let repaired = repair(&mesh.positions, &mesh.triangles, &RepairOptions::default());
     let repaired = repaired.expect("repairs");
-    assert_eq!((repaired.report.welded, repaired.report.unreferenced), (41, 1));
+    assert_eq!(
+        (repaired.report.welded, repaired.report.unreferenced),
+        (41, 1)
+    );
     let (surface, ..) = marked_tube();
     let driven = Driven {
         poses: tube_poses(&surface),
@@ -67,13 +68,23 @@ fn scan(solve: Solve) -> Rig {
             slide: 0.0,
         },
     };
-    let names: Vec<String> = (0..surface.markers.len()).map(|k| format!("m{k}")).collect();
+    let names: Vec<String> = (0..surface.markers.len())
+        .map(|k| format!("m{k}"))
+        .collect();
     let options = RigOptions {
         solve,
         attach: true,
         ..RigOptions::default()
     };
-    rig(&mesh, &repaired, &surface.markers, &names, &driven, &options).expect("rigs")
+    rig(
+        &mesh,
+        &repaired,
+        &surface.markers,
+        &names,
+        &driven,
+        &options,
+    )
+    .expect("rigs")
 }
 
 const BOTH: [Solve; 2] = [Solve::Exact, Solve::Collapsed { tolerance: 1e-3 }];
@@ -88,11 +99,21 @@ fn an_asset_plays_as_its_oracle_at_every_level() {
         assert_eq!(asset.dims().vertex_count, rig.body.mesh.positions.len());
         let report = verify(&asset, &rig.body, |_, _| {});
         // A tube of 0.6 m: limits are those of a body of 1.8 m.
-        assert!(report.passed(3.0 * limit_of(&asset, CORE_LIMIT)), "{report:?}");
-        assert!(report.frames > 40 && report.worst_normal < 1e-2, "{report:?}");
+        assert!(
+            report.passed(3.0 * limit_of(&asset, CORE_LIMIT)),
+            "{report:?}"
+        );
+        assert!(
+            report.frames > 40 && report.worst_normal < 1e-2,
+            "{report:?}"
+        );
         // Seams stay closed, and the loose triangle keeps its shape.
         let mut player = Player::new(asset);
-        player.step(&Input::Clip { index: 0, seconds: 0.7, looped: false });
+        player.step(&Input::Clip {
+            index: 0,
+            seconds: 0.7,
+            looped: false,
+        });
         let at = |v: usize| DVec3::from_array(player.positions()[v].map(f64::from));
         assert!((0..41).all(|ring| at(656 + ring) == at(16 * ring)));
         let rest = |v: usize| rig.body.mesh.positions[v];
@@ -114,7 +135,11 @@ fn budgets_leave_what_they_do_not_pay_for() {
         let mut step = |seconds: f32, budget: Budget, positions: &mut Vec<f32>| {
             let mut output = Output::separate(&dims, positions, None).expect("fits");
             let mut avatar = Avatar::new(&asset, &mut state, &mut workspace).expect("fits");
-            let input = Input::Clip { index: 0, seconds, looped: false };
+            let input = Input::Clip {
+                index: 0,
+                seconds,
+                looped: false,
+            };
             avatar.step(&input, budget, &mut output)
         };
         let none = Budget::blocks(0).with_solves(0);
@@ -123,7 +148,10 @@ fn budgets_leave_what_they_do_not_pay_for() {
         assert!(positions.iter().all(|&x| x == 7.0));
         assert!(cost(&dims, none).mul_adds < cost(&dims, Budget::UNLIMITED).mul_adds);
         let half = Budget::blocks(dims.block_count.div_ceil(2));
-        let (first, second) = (step(0.3, half, &mut positions), step(0.3, half, &mut positions));
+        let (first, second) = (
+            step(0.3, half, &mut positions),
+            step(0.3, half, &mut positions),
+        );
         let by_halves = positions.clone();
         step(0.3, Budget::UNLIMITED, &mut positions);
         assert_eq!(by_halves, positions);
@@ -158,7 +186,11 @@ fn flipped_bytes_are_refused_or_harmless() {
                 Err(_) => refused += 1,
                 Ok(asset) => {
                     let mut player = Player::new(asset);
-                    player.step(&Input::Clip { index: 0, seconds: 0.4, looped: true });
+                    player.step(&Input::Clip {
+                        index: 0,
+                        seconds: 0.4,
+                        looped: true,
+                    });
                 }
             }
         }

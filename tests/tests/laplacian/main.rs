@@ -12,7 +12,9 @@ use sinew_host::fit::laplace::{LaplaceError, MarkerTarget, Surface, SurfaceOptio
 use sinew_host::reference;
 use sinew_tests::laplacian::tube;
 
-use rigs::{CollapsedRig, ExactRig, distances, fit_tube, marked_tube, poses, tube_poses, twisted, vertices};
+use rigs::{
+    CollapsedRig, ExactRig, distances, fit_tube, marked_tube, poses, tube_poses, twisted, vertices,
+};
 
 #[test]
 fn the_core_agrees_with_the_oracle() {

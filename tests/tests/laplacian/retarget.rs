@@ -15,8 +15,18 @@ fn other(body: &Avatar, legs: f64, arms: f64) -> Vec<DVec3> {
     for (joint, local) in body.skeleton.joints.iter().zip(&mut local) {
         let name = joint.name.to_lowercase();
         let factor = match () {
-            () if ["leg", "foot", "toe"].iter().any(|part| name.contains(part)) => legs,
-            () if ["arm", "hand", "finger", "thumb"].iter().any(|p| name.contains(p)) => arms,
+            () if ["leg", "foot", "toe"]
+                .iter()
+                .any(|part| name.contains(part)) =>
+            {
+                legs
+            }
+            () if ["arm", "hand", "finger", "thumb"]
+                .iter()
+                .any(|p| name.contains(p)) =>
+            {
+                arms
+            }
             () => 1.0,
         };
         // Joints stand farther apart; the flesh between them is stretched by the skin.
@@ -33,7 +43,9 @@ fn other(body: &Avatar, legs: f64, arms: f64) -> Vec<DVec3> {
 
 fn height(positions: &[DVec3]) -> f64 {
     let heights = positions.iter().map(|p| p.y);
-    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| (a.min(y), b.max(y)));
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), y| {
+        (a.min(y), b.max(y))
+    });
     high - low
 }
 
@@ -73,26 +85,41 @@ fn feet_of_other_proportions_stand_still() {
         &SurfaceOptions::default(),
     );
     let surface = surface.expect("factors");
-    let sole: Vec<u32> = (0..scan.len() as u32).filter(|&v| scan[v as usize].y < 0.02).collect();
+    let sole: Vec<u32> = (0..scan.len() as u32)
+        .filter(|&v| scan[v as usize].y < 0.02)
+        .collect();
     let moved = |frame: usize| -> Vec<DVec3> {
         let posed = reference::laplacian::positions(&surface, &driven.poses[frame]);
         sole.iter().map(|&v| posed[v as usize]).collect()
     };
-    let (mut slide, mut deepest, mut stands) = (0.0_f64, 0.0_f64, 0);
-    let last = driven.poses.len() - 1;
-    for frame in (0..last.min(240)).step_by(4) {
-        let (then, now) = (template.positions(&sole, frame + 1), template.positions(&sole, frame + 2));
-        let (from, to) = (moved(frame), moved(frame + 1));
-        for k in 0..sole.len() {
-            deepest = deepest.max(-from[k].y);
-            let speed = now[k].distance(then[k]) * driven.rate;
-            if speed < 0.05 && then[k].y < 0.02 {
-                let way = to[k] - from[k];
-                slide = slide.max(DVec3::new(way.x, 0.0, way.z).length() * driven.rate);
-                stands += 1;
+    // A stand: the template's vertex is low and slow. How far has ours gone since it began?
+    let (mut slides, mut deepest) = (Vec::new(), 0.0_f64);
+    let mut began: Vec<Option<DVec3>> = vec![None; sole.len()];
+    for frame in (0..driven.poses.len().min(150) - 1).step_by(3) {
+        let (then, now) = (
+            template.positions(&sole, frame + 1),
+            template.positions(&sole, frame + 2),
+        );
+        let posed = moved(frame);
+        for (k, began) in began.iter_mut().enumerate() {
+            deepest = deepest.max(-posed[k].y);
+            let stands = now[k].distance(then[k]) * driven.rate < 0.05 && then[k].y < 0.02;
+            let first = began.take().filter(|_| stands).unwrap_or(posed[k]);
+            if stands {
+                let way = posed[k] - first;
+                slides.push(DVec3::new(way.x, 0.0, way.z).length());
+                *began = Some(first);
             }
         }
     }
-    println!("{stands} stands; fastest slide {slide:.4} m/s; deepest {deepest:.4} m");
-    assert!(stands > 100 && slide < 0.15);
+    slides.sort_by(f64::total_cmp);
+    let (p95, worst) = (slides[slides.len() * 95 / 100], slides[slides.len() - 1]);
+    println!(
+        "{} stands of sole vertices: 95 % slide below {:.2} mm, worst {:.2} mm; deepest {:.2} mm",
+        slides.len(),
+        1e3 * p95,
+        1e3 * worst,
+        1e3 * deepest
+    );
+    assert!(slides.len() > 100 && p95 <= 5e-3);
 }

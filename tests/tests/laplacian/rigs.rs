@@ -155,7 +155,11 @@ pub(crate) fn tube_poses(surface: &Surface) -> Vec<Vec<MarkerTarget>> {
         .collect()
 }
 
-pub(crate) fn fit_tube(surface: &Surface, triangles: &[[u32; 3]], normals: &[DVec3]) -> CollapsedTables {
+pub(crate) fn fit_tube(
+    surface: &Surface,
+    triangles: &[[u32; 3]],
+    normals: &[DVec3],
+) -> CollapsedTables {
     let options = CollapseOptions {
         virtual_handles: 24,
         ..CollapseOptions::default()

@@ -197,7 +197,15 @@ fn tables_of_the_collapsed_mode() {
         }
         let (surface, normals) = (&scan.surface, &mesh.normals);
         let start = CollapseOptions::default();
-        let found = collapse_within(surface, &mesh.triangles, normals, &fit, &held_out, &start, 3e-3);
+        let found = collapse_within(
+            surface,
+            &mesh.triangles,
+            normals,
+            &fit,
+            &held_out,
+            &start,
+            3e-3,
+        );
         let (_, options, report) = found.expect("fits");
         show(
             &format!("{} handles a block for 3 mm", options.handles_a_block),

@@ -4,7 +4,9 @@ use glam::DVec3;
 use sinew_core::deform::laplacian::{MarkerPose, TurnReport};
 use sinew_host::fit::laplace::Surface;
 
-use crate::rigs::{CollapsedRig, ExactRig, distances, fit_tube, marked_tube, poses, twisted, vertices};
+use crate::rigs::{
+    CollapsedRig, ExactRig, distances, fit_tube, marked_tube, poses, twisted, vertices,
+};
 
 /// Moves of a surface over a sequence: mean over frames of the largest, and the largest of all.
 struct Moves {

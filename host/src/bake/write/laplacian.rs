@@ -24,7 +24,10 @@ impl Writer {
         self.put(Kind::VirtualStarts, &tables.virtual_starts);
         self.put(Kind::VirtualMarkers, &tables.virtual_markers);
         self.put(Kind::VirtualTurns, &tables.virtual_turns);
-        self.put(Kind::VirtualCoefficients, tables.virtual_coefficients.as_flattened());
+        self.put(
+            Kind::VirtualCoefficients,
+            tables.virtual_coefficients.as_flattened(),
+        );
         self.put(Kind::HandleStarts, &tables.block_starts);
         self.put(Kind::SlotHandles, &tables.slot_handles);
         let slots = tables.slot_coefficients.as_flattened().as_flattened();
@@ -57,7 +60,11 @@ impl Writer {
         self.put(Kind::GuideMarkers, tables.guide_markers.as_flattened());
         self.put(Kind::GuideWeights, tables.guide_weights.as_flattened());
         let first = &tables.harmonic;
-        let split = [first.columns.len() - 1, first.rows.len(), first.values.len()];
+        let split = [
+            first.columns.len() - 1,
+            first.rows.len(),
+            first.values.len(),
+        ];
         let [supernodes, panels, quads] = split.map(|count| count as u32);
         let stiffness = tables.stiffness.to_bits();
         self.put(Kind::FactorSplit, &[supernodes, panels, quads, stiffness]);

@@ -133,7 +133,10 @@ impl Laplacian {
         if let Some(to) = &self.save_pairs {
             let text = pairs.to_text(&template, &scan.mesh.positions);
             write_atomic(to, |file| Ok(file.write_all(text.as_bytes())?))?;
-            say.line(format!("wrote {} (edit it, then give it as --pairs)", to.display()));
+            say.line(format!(
+                "wrote {} (edit it, then give it as --pairs)",
+                to.display()
+            ));
         }
         let options = DriveOptions {
             rotations: match self.rotations {
@@ -239,7 +242,10 @@ impl Laplacian {
                 let (take, dropped) = complete(&filled.take).map_err(|e| fault(path, &e))?;
                 if missing > 0.0 {
                     let name = path.display();
-                    say.line(format!("note: {name}: {:.1} % of samples filled", 1e2 * missing));
+                    say.line(format!(
+                        "note: {name}: {:.1} % of samples filled",
+                        1e2 * missing
+                    ));
                 }
                 if !dropped.is_empty() {
                     let names = dropped.join(", ");
@@ -418,10 +424,13 @@ fn tell_rig(rig: &Rig, say: &Say) {
     let report = &rig.report;
     if report.attached > 0 {
         let count = report.attached;
-        say.line(format!("{count} components without a marker follow their nearest marker"));
+        say.line(format!(
+            "{count} components without a marker follow their nearest marker"
+        ));
     }
     if let (Some((handles, virtual_count)), Some(held_out)) = (report.handles, &report.held_out) {
-        let [mean, p99, max] = [held_out.mean, held_out.percentile_99, held_out.max].map(|x| 1e3 * x);
+        let [mean, p99, max] =
+            [held_out.mean, held_out.percentile_99, held_out.max].map(|x| 1e3 * x);
         say.line(format!(
             "collapsed: {handles} handles a block, {} markers and {virtual_count} virtual handles; \
              fitted to {} poses",
@@ -433,10 +442,15 @@ fn tell_rig(rig: &Rig, say: &Say) {
             report.poses.1
         ));
     }
-    let [[mean, worst], [kept_mean, kept_worst]] = report.volume_loss.map(|loss| loss.map(|x| 1e2 * x));
-    say.line(format!("volume lost in a pose: mean {mean:.2} %, worst {worst:.2} %"));
+    let [[mean, worst], [kept_mean, kept_worst]] =
+        report.volume_loss.map(|loss| loss.map(|x| 1e2 * x));
+    say.line(format!(
+        "volume lost in a pose: mean {mean:.2} %, worst {worst:.2} %"
+    ));
     if (kept_mean, kept_worst) != (mean, worst) {
-        say.line(format!("corrected: mean {kept_mean:.2} %, worst {kept_worst:.2} %"));
+        say.line(format!(
+            "corrected: mean {kept_mean:.2} %, worst {kept_worst:.2} %"
+        ));
     }
 }
 

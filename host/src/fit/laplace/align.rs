@@ -115,7 +115,11 @@ pub fn align(
     tries.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (best, start) = tries[0];
     let similarity = refine(&many, &tree, scan, start, scale, ROUNDS[1]);
-    let apart = |other: &Similarity| (other.rotation * start.rotation.inverse()).to_axis_angle().1;
+    let apart = |other: &Similarity| {
+        (other.rotation * start.rotation.inverse())
+            .to_axis_angle()
+            .1
+    };
     let second = tries.iter().find(|(_, other)| apart(other) > 0.5);
     let (_, residual) = kept(&many, &tree, &similarity);
     Ok(Alignment {
@@ -289,7 +293,11 @@ mod tests {
         let mut points = Vec::new();
         for k in 0..200 {
             let t = f64::from(k) / 199.0;
-            points.push(DVec3::new(0.15 * (9.0 * t).sin(), 1.8 * t, 0.05 * (7.0 * t).cos()));
+            points.push(DVec3::new(
+                0.15 * (9.0 * t).sin(),
+                1.8 * t,
+                0.05 * (7.0 * t).cos(),
+            ));
             points.push(DVec3::new(1.5 * t - 0.75, 1.45, 0.02 * (20.0 * t).sin()));
             if k % 4 == 0 {
                 points.push(DVec3::new(0.1, 0.02, 0.25 * t));

@@ -134,11 +134,14 @@ impl CollapsedTables {
             ..self.clone()
         };
         for vertices in order.chunks(LANES) {
-            let places = vertices.iter().map(|&v| place[vertex_of[v as usize] as usize] as usize);
+            let places = vertices
+                .iter()
+                .map(|&v| place[vertex_of[v as usize] as usize] as usize);
             let mut slots: BTreeMap<u16, [[f32; LANES]; 4]> = BTreeMap::new();
             for (lane, at) in places.enumerate() {
                 let (block, from) = (at / LANES, at % LANES);
-                let range = self.block_starts[block] as usize..self.block_starts[block + 1] as usize;
+                let range =
+                    self.block_starts[block] as usize..self.block_starts[block + 1] as usize;
                 for slot in range {
                     let to = slots.entry(self.slot_handles[slot]).or_default();
                     for (to, row) in to.iter_mut().zip(&self.slot_coefficients[slot]) {
@@ -324,7 +327,9 @@ pub fn collapse(
         }
         tables.block_starts.push(tables.slot_handles.len() as u32);
         if !normals.is_empty() {
-            tables.rest_normals.push(lanes(vertices, |vertex| normals[vertex]));
+            tables
+                .rest_normals
+                .push(lanes(vertices, |vertex| normals[vertex]));
         }
     }
     Ok(tables)

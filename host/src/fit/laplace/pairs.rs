@@ -48,8 +48,9 @@ impl Pairs {
     /// Proposes `count` pairs, or one a point where the template has no more points than that.
     ///
     /// Points with a direction go out along it to the surface, others to the vertex nearest to
-    /// them. Bones offer points near both ends and on all sides; a mesh or cloud with more points
-    /// than are asked for gives those that are farthest apart on the scan.
+    /// them; of those, the ones that are farthest apart on the scan are taken. Bones offer points on
+    /// all sides near both ends, so that markers stand on both sides of joints, to the tips of hands
+    /// and toes.
     /// `scan`: positions `[vertices]` and triangles; `alignment`: template to scan, in
     /// `reference`. O(points log vertices + count edges log vertices)
     ///
@@ -86,8 +87,8 @@ impl Pairs {
                 let hit = rays.first_hit(at, alignment.rotation * out)?;
                 (hit.distance < REACH).then(|| {
                     let corners = triangles[hit.triangle];
-                    let heaviest = (0..3)
-                        .max_by(|&a, &b| hit.barycentric[a].total_cmp(&hit.barycentric[b]));
+                    let heaviest =
+                        (0..3).max_by(|&a, &b| hit.barycentric[a].total_cmp(&hit.barycentric[b]));
                     corners[heaviest.unwrap_or(0)]
                 })
             });
@@ -102,25 +103,9 @@ impl Pairs {
                 pairs.push(Pair { point, vertex });
             }
         };
-        if template.point_count() <= count {
-            all.iter().for_each(|&point| push(&mut pairs, point));
-        } else {
-            let mut rounds = template.rounds();
-            if rounds.is_empty() {
-                rounds.push(all);
-            }
-            for round in rounds {
-                let mut more = Vec::new();
-                round.iter().for_each(|&point| push(&mut more, point));
-                let room = count - pairs.len();
-                if more.len() > room {
-                    more = farthest(scan, &pairs, more, room);
-                }
-                pairs.extend(more);
-                if pairs.len() == count {
-                    break;
-                }
-            }
+        all.iter().for_each(|&point| push(&mut pairs, point));
+        if pairs.len() > count {
+            pairs = farthest(scan, pairs, count);
         }
         Self { reference, pairs }
     }
@@ -133,7 +118,11 @@ impl Pairs {
              # One line a marker: a point of the template, a vertex of the scan, where that is (m).\n\
              # Delete a line to drop a marker; empty the vertex to take the one nearest to x,y,z.\n",
         );
-        let _ = writeln!(text, "reference-frame: {}\nmarker,vertex,x,y,z", self.reference);
+        let _ = writeln!(
+            text,
+            "reference-frame: {}\nmarker,vertex,x,y,z",
+            self.reference
+        );
         for &Pair { point, vertex } in &self.pairs {
             let label = &template.labels[point as usize];
             let [x, y, z] = scan[vertex as usize].to_array();
@@ -157,8 +146,12 @@ impl Pairs {
         template: &Template,
         scan: &[DVec3],
     ) -> Result<Self, LaplaceError> {
-        let points: HashMap<&str, u32> =
-            template.labels.iter().map(String::as_str).zip(0..).collect();
+        let points: HashMap<&str, u32> = template
+            .labels
+            .iter()
+            .map(String::as_str)
+            .zip(0..)
+            .collect();
         let tree = Nearest::new(scan);
         let mut found = Self::default();
         let (mut seen_points, mut seen_vertices) = (HashSet::new(), HashSet::new());
@@ -173,14 +166,18 @@ impl Pairs {
                 let frame = value.parse().ok().filter(|&f| f < template.frame_count());
                 found.reference = frame.ok_or_else(|| {
                     let count = template.frame_count();
-                    bad(format!("frame {value:?}, where the template has {count}; correct it"))
+                    bad(format!(
+                        "frame {value:?}, where the template has {count}; correct it"
+                    ))
                 })?;
                 continue;
             }
-            let (label, rest) = split_label(content)
-                .ok_or_else(|| bad("give marker,vertex,x,y,z".to_owned()))?;
+            let (label, rest) =
+                split_label(content).ok_or_else(|| bad("give marker,vertex,x,y,z".to_owned()))?;
             let point = *points.get(label.as_str()).ok_or_else(|| {
-                bad(format!("the template has no marker {label:?}; correct or delete it"))
+                bad(format!(
+                    "the template has no marker {label:?}; correct or delete it"
+                ))
             })?;
             let fields: Vec<&str> = rest.split(',').map(str::trim).collect();
             let vertex = match fields[..] {
@@ -188,24 +185,30 @@ impl Pairs {
                     let number = |text: &str| text.parse().ok().filter(|x: &f64| x.is_finite());
                     let place = number(x).zip(number(y)).zip(number(z));
                     let place = place.map(|((x, y), z)| DVec3::new(x, y, z));
-                    let place = place
-                        .ok_or_else(|| bad("x,y,z are no numbers; give metres".to_owned()))?;
+                    let place =
+                        place.ok_or_else(|| bad("x,y,z are no numbers; give metres".to_owned()))?;
                     tree.find(place).map_or(0, |(vertex, _)| vertex)
                 }
                 [vertex, ..] if !vertex.is_empty() => {
                     let number = vertex.parse().ok().filter(|&v| (v as usize) < scan.len());
                     number.ok_or_else(|| {
                         let count = scan.len();
-                        bad(format!("vertex {vertex:?}, where the scan has {count}; correct it"))
+                        bad(format!(
+                            "vertex {vertex:?}, where the scan has {count}; correct it"
+                        ))
                     })?
                 }
                 _ => return Err(bad("give a vertex, or a place x,y,z".to_owned())),
             };
             if !seen_points.insert(point) {
-                return Err(bad(format!("marker {label:?} stands there twice; delete one")));
+                return Err(bad(format!(
+                    "marker {label:?} stands there twice; delete one"
+                )));
             }
             if !seen_vertices.insert(vertex) {
-                return Err(bad(format!("vertex {vertex} carries two markers; move one")));
+                return Err(bad(format!(
+                    "vertex {vertex} carries two markers; move one"
+                )));
             }
             found.pairs.push(Pair { point, vertex });
         }
@@ -250,34 +253,25 @@ fn split_label(line: &str) -> Option<(String, &str)> {
     }
 }
 
-/// Those `count` of `more` that are farthest apart on the scan, from each other and from `pairs`.
+/// Those `count` of `pairs` that are farthest apart on the scan.
 fn farthest(
     (positions, triangles): (&[DVec3], &[[u32; 3]]),
-    pairs: &[Pair],
-    more: Vec<Pair>,
+    pairs: Vec<Pair>,
     count: usize,
 ) -> Vec<Pair> {
     let graph = Graph::new(positions, triangles);
-    let mut sources: Vec<u32> = pairs.iter().map(|pair| pair.vertex).collect();
-    let mut open = more;
-    let mut chosen = Vec::new();
-    if sources.is_empty() && !open.is_empty() {
-        let first = open.remove(0);
-        sources.push(first.vertex);
-        chosen.push(first);
-    }
-    let mut distances = graph.distances(&sources);
+    let mut open = pairs;
+    let mut chosen = vec![open.swap_remove(0)];
+    let mut distances = graph.distances(&[chosen[0].vertex]);
     while chosen.len() < count && !open.is_empty() {
-        let distance = |pair: &Pair| distances[pair.vertex as usize];
-        let far = (0..open.len())
-            .max_by(|&a, &b| distance(&open[a]).total_cmp(&distance(&open[b])).then(b.cmp(&a)));
+        let distance = |at: usize| distances[open[at].vertex as usize];
+        let far = (0..open.len()).max_by(|&a, &b| distance(a).total_cmp(&distance(b)));
         let pair = open.swap_remove(far.unwrap_or(0));
         for (old, new) in distances.iter_mut().zip(graph.distances(&[pair.vertex])) {
             *old = old.min(new);
         }
         chosen.push(pair);
     }
-    chosen.truncate(count);
     chosen
 }
 
@@ -301,7 +295,10 @@ mod tests {
         let pairs = Pairs::propose(&template, 0, &Similarity::IDENTITY, scan, 10);
         assert_eq!(pairs.vertices(), [0, 1, 2]);
         let text = pairs.to_text(&template, &SCAN);
-        assert_eq!(Pairs::from_text(&text, &template, &SCAN).expect("reads"), pairs);
+        assert_eq!(
+            Pairs::from_text(&text, &template, &SCAN).expect("reads"),
+            pairs
+        );
         let edited = text.replace("C,2,0.00000,1.00000,0.00000", "C,,0,0.1,0.8");
         let edited = Pairs::from_text(&edited, &template, &SCAN).expect("reads");
         assert_eq!(edited.vertices(), [0, 1, 3]);

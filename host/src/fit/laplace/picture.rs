@@ -20,7 +20,10 @@ pub fn marker_sheet(rig: &Rig, size: usize) -> Image {
     let narrow = |p: &DVec3| p.as_vec3().to_array();
     let skin: Vec<[f32; 3]> = rig.body.mesh.positions.iter().map(narrow).collect();
     let model = rig.body.skeleton.model(&rig.body.skeleton.rest());
-    let markers: Vec<[f32; 3]> = model.iter().map(|joint| narrow(&joint.translation)).collect();
+    let markers: Vec<[f32; 3]> = model
+        .iter()
+        .map(|joint| narrow(&joint.translation))
+        .collect();
     let (edges, handles) = match &rig.tables {
         Tables::Exact(tables) => (&tables.marker_edges, Vec::new()),
         Tables::Collapsed(tables) => (&tables.marker_edges, tables.virtual_rest()),

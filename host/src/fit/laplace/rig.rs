@@ -7,7 +7,9 @@
 use glam::{DAffine3, DQuat, DVec3};
 use sinew_core::asset::{LANES, Lanes3};
 
-use super::collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse, collapse_within};
+use super::collapse::{
+    CollapseOptions, CollapseReport, CollapsedTables, collapse, collapse_within,
+};
 use super::drive::Driven;
 use super::nearest::Nearest;
 use super::repair::{Repaired, attachments};
@@ -204,7 +206,11 @@ fn split(poses: &[Vec<MarkerTarget>]) -> (Vec<Vec<MarkerTarget>>, Vec<Vec<Marker
     }
     let (mut fitted, mut held_out) = (Vec::new(), Vec::new());
     for (at, stretch) in chosen.chunks(STRETCH).enumerate() {
-        let to = if at % 5 == 2 { &mut held_out } else { &mut fitted };
+        let to = if at % 5 == 2 {
+            &mut held_out
+        } else {
+            &mut fitted
+        };
         to.extend_from_slice(stretch);
     }
     (fitted, held_out)
@@ -251,7 +257,10 @@ fn drawn(mesh: &Mesh, repaired: &Repaired) -> Mesh {
     drawn.triangles.retain(kept);
     let mut start = 0;
     for part in &mut drawn.parts {
-        let count = mesh.triangles[part.triangles.clone()].iter().filter(|t| kept(t)).count();
+        let count = mesh.triangles[part.triangles.clone()]
+            .iter()
+            .filter(|t| kept(t))
+            .count();
         part.triangles = start..start + count;
         start += count;
     }
@@ -288,15 +297,24 @@ fn coarse_skin(surface: &Surface, vertex_of: &[u32]) -> Skin {
     };
     let influences = vertex_of.iter().map(|&vertex| {
         let (markers, weights) = surface.guide(vertex as usize);
-        let pairs = markers.into_iter().zip(weights).filter(|&(_, weight)| weight > 1e-4);
-        let mut pairs: Vec<(u32, f64)> =
-            pairs.map(|(marker, weight)| (u32::from(marker), f64::from(weight))).collect();
+        let pairs = markers
+            .into_iter()
+            .zip(weights)
+            .filter(|&(_, weight)| weight > 1e-4);
+        let mut pairs: Vec<(u32, f64)> = pairs
+            .map(|(marker, weight)| (u32::from(marker), f64::from(weight)))
+            .collect();
         let sum: f64 = pairs.iter().map(|pair| pair.1).sum();
         pairs.iter_mut().for_each(|pair| pair.1 /= sum);
         pairs
     });
     Skin {
-        binds: surface.marker_rest().into_iter().enumerate().map(bind).collect(),
+        binds: surface
+            .marker_rest()
+            .into_iter()
+            .enumerate()
+            .map(bind)
+            .collect(),
         influences: influences.collect(),
     }
 }
@@ -314,7 +332,10 @@ fn clip(poses: &[Vec<MarkerTarget>], rate: f64) -> Clip {
             values,
         };
         let place = |pose: &Vec<MarkerTarget>| pose[joint].position.extend(0.0).to_array();
-        tracks.push(track(Channel::Translation, poses.iter().map(place).collect()));
+        tracks.push(track(
+            Channel::Translation,
+            poses.iter().map(place).collect(),
+        ));
         let mut last = DQuat::IDENTITY;
         let turn = |pose: &Vec<MarkerTarget>| {
             let turn = pose[joint].rotation;
@@ -350,6 +371,10 @@ fn spread_rows(exact: &mut ExactTables, body: &Avatar, vertex_of: &[u32]) {
 
 /// x of eight vertices, y, z; a short block repeats its last vertex.
 pub(super) fn lanes(block: &[u32], of: impl Fn(usize) -> DVec3) -> Lanes3 {
-    let at = |lane: usize| of(block[lane.min(block.len() - 1)] as usize).as_vec3().to_array();
+    let at = |lane: usize| {
+        of(block[lane.min(block.len() - 1)] as usize)
+            .as_vec3()
+            .to_array()
+    };
     [0, 1, 2].map(|axis| std::array::from_fn(|lane| at(lane)[axis]))
 }

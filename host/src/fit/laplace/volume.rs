@@ -14,7 +14,9 @@ use super::graph::Graph;
 pub fn volume(positions: &[DVec3], triangles: &[[u32; 3]]) -> f64 {
     let middle = positions.iter().sum::<DVec3>() / positions.len().max(1) as f64;
     let corner = |v: u32| positions[v as usize] - middle;
-    let six_times = triangles.iter().map(|&[a, b, c]| corner(a).dot(corner(b).cross(corner(c))));
+    let six_times = triangles
+        .iter()
+        .map(|&[a, b, c]| corner(a).dot(corner(b).cross(corner(c))));
     six_times.sum::<f64>() / 6.0
 }
 
@@ -61,7 +63,13 @@ impl<'m> Restorer<'m> {
         let (areas, normals) = around(pose, self.triangles);
         let shrunk = areas.iter().zip(&self.areas);
         let mut part: Vec<f64> = shrunk
-            .map(|(now, rest)| if *rest > 0.0 { (1.0 - now / rest).max(0.0) } else { 0.0 })
+            .map(|(now, rest)| {
+                if *rest > 0.0 {
+                    (1.0 - now / rest).max(0.0)
+                } else {
+                    0.0
+                }
+            })
             .collect();
         for _ in 0..SMOOTHING {
             let smooth = |(vertex, own): (u32, &f64)| {
@@ -83,7 +91,11 @@ impl<'m> Restorer<'m> {
                 return;
             }
             // The volume grows by area times offset.
-            let gain: f64 = areas.iter().zip(&part).map(|(area, part)| area * part).sum();
+            let gain: f64 = areas
+                .iter()
+                .zip(&part)
+                .map(|(area, part)| area * part)
+                .sum();
             amount = (amount + missing / gain.max(1e-9)).clamp(0.0, LARGEST_OFFSET / most);
             for ((to, from), (part, normal)) in
                 pose.iter_mut().zip(&start).zip(part.iter().zip(&normals))

@@ -89,7 +89,9 @@ impl<'b> Body<'b> {
         }
         factor(&mut matrix, count);
         let mut columns = [0, 1, 2].map(|axis| right.iter().map(|p| p[axis]).collect::<Vec<_>>());
-        columns.iter_mut().for_each(|column| substitute(&matrix, column));
+        columns
+            .iter_mut()
+            .for_each(|column| substitute(&matrix, column));
         let [x, y, z] = &columns;
         let rows = x.iter().zip(y).zip(z);
         rows.map(|((&x, &y), &z)| DVec3::new(x, y, z)).collect()
@@ -104,7 +106,8 @@ impl<'b> Body<'b> {
             turns[b]
         };
         let turn = (turns[a] + other).normalize();
-        let (Some(from), Some(to)) = ((turn * before).try_normalize(), after.try_normalize()) else {
+        let (Some(from), Some(to)) = ((turn * before).try_normalize(), after.try_normalize())
+        else {
             return turn * (self.rest[b] - self.rest[a]);
         };
         let swing = DQuat::from_rotation_arc(from, to);

@@ -26,12 +26,7 @@ pub(super) struct Plant {
 
 /// When which markers stand: `rest` `[markers]` on the scan, `floor` its height there; `paths`
 /// `[frames][markers]`. O(frames x markers)
-pub(super) fn plants(
-    rest: &[DVec3],
-    floor: f64,
-    paths: &[Vec<DVec3>],
-    rate: f64,
-) -> Vec<Plant> {
+pub(super) fn plants(rest: &[DVec3], floor: f64, paths: &[Vec<DVec3>], rate: f64) -> Vec<Plant> {
     let mut plants = Vec::new();
     let feet = (0..rest.len()).filter(|&marker| rest[marker].y - floor < FOOT);
     for marker in feet {
@@ -74,7 +69,10 @@ pub(super) fn hold(
     let mut holds = vec![Vec::new(); placed.len()];
     let ramp = (RAMP * rate).ceil().max(1.0) as usize;
     for Plant { marker, frames } in plants {
-        let mean = frames.clone().map(|frame| placed[frame][*marker]).sum::<DVec3>();
+        let mean = frames
+            .clone()
+            .map(|frame| placed[frame][*marker])
+            .sum::<DVec3>();
         let mean = mean / frames.len() as f64;
         let place = DVec3::new(mean.x, rest[*marker].y, mean.z);
         let around = frames.start.saturating_sub(ramp)..(frames.end + ramp).min(placed.len());
@@ -108,7 +106,10 @@ pub(super) fn slide(plants: &[Plant], placed: &[Vec<DVec3>]) -> f64 {
     let flat = |p: DVec3| DVec3::new(p.x, 0.0, p.z);
     let way = |plant: &Plant| {
         let first = flat(placed[plant.frames.start][plant.marker]);
-        let ways = plant.frames.clone().map(|f| flat(placed[f][plant.marker]).distance(first));
+        let ways = plant
+            .frames
+            .clone()
+            .map(|f| flat(placed[f][plant.marker]).distance(first));
         ways.fold(0.0, f64::max)
     };
     plants.iter().map(way).fold(0.0, f64::max)
@@ -127,7 +128,10 @@ mod tests {
                 30..60 => (0.02 * (k - 30) as f64, 0.15),
                 _ => (0.6, 0.02),
             };
-            vec![DVec3::new(x + 1e-4 * k as f64, y, 0.0), DVec3::new(0.0, 1.0, 0.0)]
+            vec![
+                DVec3::new(x + 1e-4 * k as f64, y, 0.0),
+                DVec3::new(0.0, 1.0, 0.0),
+            ]
         };
         let paths: Vec<_> = (0..90).map(at).collect();
         let rest = [DVec3::new(0.0, 0.03, 0.0), DVec3::Y];

@@ -80,6 +80,9 @@ pub struct DriveReport {
 /// Beyond this misfit, in parts of the scan's root mean square size, proportions differ.
 const PROPORTIONS: f64 = 0.04;
 
+/// Markers around one that say how it turns.
+const AROUND: usize = 6;
+
 /// Frames that say which markers move together.
 const SAMPLES: usize = 200;
 
@@ -100,11 +103,18 @@ pub fn drive(
         return Err(LaplaceError::MarkerCount { count, limit });
     }
     let points = pairs.points();
-    let rest: Vec<DVec3> = pairs.vertices().iter().map(|&v| positions[v as usize]).collect();
+    let rest: Vec<DVec3> = pairs
+        .vertices()
+        .iter()
+        .map(|&v| positions[v as usize])
+        .collect();
     let reference = template.positions(&points, pairs.reference);
     let similarity = similarity(&reference, &rest);
     let aligned: Vec<DVec3> = reference.iter().map(|&p| similarity.apply(p)).collect();
-    let square = aligned.iter().zip(&rest).map(|(a, b)| a.distance_squared(*b));
+    let square = aligned
+        .iter()
+        .zip(&rest)
+        .map(|(a, b)| a.distance_squared(*b));
     let misfit = (square.sum::<f64>() / count as f64).sqrt();
     let middle = rest.iter().sum::<DVec3>() / count as f64;
     let size = rest.iter().map(|p| p.distance_squared(middle)).sum::<f64>() / count as f64;
@@ -151,13 +161,17 @@ pub fn drive(
         let offset: Vec<DVec3> = rest.iter().zip(&aligned).map(|(v, t)| *v - *t).collect();
         let place = |(now, turns): (&Vec<DVec3>, &Vec<DQuat>)| {
             let moved = now.iter().zip(turns).zip(&offset);
-            moved.map(|((p, turn), offset)| *p + *turn * *offset).collect()
+            moved
+                .map(|((p, turn), offset)| *p + *turn * *offset)
+                .collect()
         };
         paths.iter().zip(&turns).map(place).collect()
     };
     let poses = placed.into_iter().zip(turns).map(|(positions, turns)| {
         let pairs = positions.into_iter().zip(turns);
-        pairs.map(|(position, rotation)| MarkerTarget { position, rotation }).collect()
+        pairs
+            .map(|(position, rotation)| MarkerTarget { position, rotation })
+            .collect()
     });
     Ok(Driven {
         poses: poses.collect(),
@@ -197,10 +211,16 @@ fn rotations(
     }
     if options.rotations == Rotations::Tree {
         let edges = carry::spanning_tree(reference);
-        return paths.iter().map(|now| by_spanning_tree(reference, now, &edges)).collect();
+        return paths
+            .iter()
+            .map(|now| by_spanning_tree(reference, now, &edges))
+            .collect();
     }
     let step = paths.len().div_ceil(SAMPLES).max(1);
     let seen: Vec<&[DVec3]> = paths.iter().step_by(step).map(Vec::as_slice).collect();
-    let near = rigid_neighbours(reference, &seen);
-    paths.iter().map(|now| by_neighbours(reference, now, &near)).collect()
+    let near = rigid_neighbours(reference, &seen, AROUND);
+    paths
+        .iter()
+        .map(|now| by_neighbours(reference, now, &near))
+        .collect()
 }

@@ -28,10 +28,14 @@ pub(super) struct Bones {
 pub(super) fn of(skeleton: &Skeleton, end_sites: &[(usize, DVec3)]) -> Bones {
     let model = skeleton.model(&skeleton.rest());
     let mut bones = Bones::default();
-    let below = skeleton.joints.iter().enumerate().filter_map(|(at, joint)| {
-        let parent = joint.parent?;
-        Some((parent, model[at].translation, &joint.name))
-    });
+    let below = skeleton
+        .joints
+        .iter()
+        .enumerate()
+        .filter_map(|(at, joint)| {
+            let parent = joint.parent?;
+            Some((parent, model[at].translation, &joint.name))
+        });
     let ends = end_sites.iter().map(|&(joint, offset)| {
         let end = model[joint].transform_point3(offset);
         (joint, end, &skeleton.joints[joint].name)
@@ -96,24 +100,6 @@ impl Bones {
     }
 }
 
-/// Points of a template of bones, those that a scan needs most first: for every bone the front and
-/// back near its ends, then left and right, then tips.
-pub(super) fn by_need(labels: &[String]) -> Vec<Vec<u32>> {
-    const ROUNDS: [&[&str]; 5] = [
-        &[":1:front", ":2:back"],
-        &["-end:tip"],
-        &[":2:front", ":1:back"],
-        &[":1:left", ":2:right"],
-        &[":1:right", ":2:left"],
-    ];
-    let ending = |ends: &[&str]| {
-        let fits = |label: &String| ends.iter().any(|end| label.ends_with(end));
-        let points = labels.iter().zip(0..).filter(|(label, _)| fits(label));
-        points.map(|(_, point)| point).collect()
-    };
-    ROUNDS.iter().map(|round| ending(round)).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -147,6 +133,5 @@ mod tests {
         // Outward means outward.
         let middle = |at: usize| DVec3::new(0.0, bones.points[at].y, 0.0);
         assert!((0..8).all(|at| (bones.points[at] - middle(at)).dot(bones.outward[at]) > 0.0));
-        assert_eq!(by_need(&bones.labels)[0].len(), 4);
     }
 }

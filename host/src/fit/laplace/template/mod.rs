@@ -160,16 +160,6 @@ impl Template {
         })
     }
 
-    /// Points of bones in the order in which a scan needs them, round by round; empty for others.
-    #[must_use]
-    pub fn rounds(&self) -> Vec<Vec<u32>> {
-        let rounds = bones::by_need(&self.labels);
-        if rounds.iter().all(Vec::is_empty) {
-            return Vec::new();
-        }
-        rounds
-    }
-
     /// Number of points.
     #[must_use]
     pub fn point_count(&self) -> usize {
@@ -263,7 +253,9 @@ fn turns(now: &[DAffine3], then: &[DAffine3]) -> Vec<DQuat> {
 
 /// Weighted sum of quaternions on the side of the heaviest.
 fn blend(influences: &[(u32, f64)], turns: &[DQuat]) -> DQuat {
-    let first = influences.first().map_or(DQuat::IDENTITY, |i| turns[i.0 as usize]);
+    let first = influences
+        .first()
+        .map_or(DQuat::IDENTITY, |i| turns[i.0 as usize]);
     let mut sum = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0);
     for &(carrier, weight) in influences {
         let turn = turns[carrier as usize];
