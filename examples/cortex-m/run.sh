@@ -4,30 +4,33 @@
 #
 #   run.sh [--board m4|m7|m33] [--check | --update] [CASE...]
 #   run.sh [--board m4|m7|m33] --stage STAGE --asset FILE
+#   run.sh [--board m4|m7|m33] --draw OUT.png [--asset FILE]
 #
 # The board is a Cortex-M7 unless another is named: M4F (mps2-an386), M7 (mps2-an500), M33 (an505).
 # Cases are those of tests/cases.rs, as STAGE.NAME; without any, all. --check compares with
 # tests/budgets.toml and tests/golden/fingerprints.toml, --update commits the numbers. With --asset,
-# a file of your own. SINEW_TOOLCHAIN: see examples/toolchain.sh.
+# a file of your own. --draw lets the firmware draw a frame into a framebuffer and write it down; the
+# asset is the bundled body unless another is named. SINEW_TOOLCHAIN: see examples/toolchain.sh.
 #
 # Exit status: 0 done, 1 something is wrong, 2 usage, 77 skipped for want of a program.
 set -euo pipefail
 
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
-board=m7 stage=skin asset= mode= wanted=()
+board=m7 stage=skin asset= picture= mode= wanted=()
 usage() {
-    sed -n '2,15s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,17s/^# \{0,1\}//p' "$0" >&2
     exit 2
 }
 while [ $# -gt 0 ]; do
     case $1 in
-        --board | --stage | --asset)
+        --board | --stage | --asset | --draw)
             [ $# -ge 2 ] || usage
             case $1 in
                 --board) board=$2 ;;
                 --stage) stage=$2 ;;
                 --asset) asset=$(realpath "$2") ;;
+                --draw) picture=$(realpath -m "$2") ;;
             esac
             shift ;;
         --check | --update) mode=$1 ;;
@@ -52,21 +55,32 @@ toolchain $target core
 firmware=$here/target/$board/$target/release
 export RUSTFLAGS="-C target-cpu=$cpu"
 
+emulate() {
+    timeout 600 qemu-system-arm -cpu $cpu -machine $machine -nographic -icount shift=0 \
+        -semihosting-config enable=on,target=native -kernel "$1" < /dev/null
+}
+
 # measure CASE FILE: the case is STAGE.NAME.
 measure() {
     # The second firmware links only while no code in it can panic.
     (cd "$here" && SINEW_STAGE=${1%%.*} SINEW_ASSET=$2 "${build[@]}" \
-        --target-dir "$here/target/$board") || {
+        --target-dir "$here/target/$board" --bin stage --bin frame_only) || {
         echo "$1 does not build; a_panic_path_is_linked means: it can panic" >&2
         return 1
     }
-    timeout 600 qemu-system-arm -cpu $cpu -machine $machine -nographic -icount shift=0 \
-        -semihosting-config enable=on,target=native -kernel "$firmware/stage" < /dev/null \
-        > "$here/target/report.toml" || { cat "$here/target/report.toml" >&2; return 1; }
+    emulate "$firmware/stage" > "$here/target/report.toml" || { cat "$here/target/report.toml" >&2; return 1; }
     (cd "$root" && RUSTFLAGS= cargo run --release --quiet -p sinew-tests --example budgets -- "$board" "$1" \
         "$here/target/report.toml" "$firmware/frame_only" $mode)
 }
 
+if [ -n "$picture" ]; then
+    [ -n "$asset" ] || { asset=$here/target/human.sinew && RUSTFLAGS= bundled "$asset"; }
+    (cd "$here" && SINEW_PICTURE=$picture SINEW_ASSET=$asset "${build[@]}" \
+        --target-dir "$here/target/$board" --bin draw)
+    emulate "$firmware/draw"
+    echo "$picture"
+    exit
+fi
 if [ -n "$asset" ]; then
     measure "$stage.$(basename "$asset" .sinew)" "$asset"
     exit

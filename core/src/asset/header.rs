@@ -1,5 +1,6 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::PackedDims;
 use super::laplacian::LaplacianDims;
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
@@ -92,6 +93,8 @@ pub struct Dims {
     pub name_bytes: usize,
     /// A surface that follows its joints as markers.
     pub laplacian: LaplacianDims,
+    /// Compressed tracks.
+    pub packed: PackedDims,
 }
 
 impl Dims {
@@ -151,6 +154,7 @@ impl Dims {
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
             laplacian: LaplacianDims::from_words(counts(bytes, LAPLACIAN)),
+            packed: PackedDims::read(bytes),
         }
     }
 
@@ -190,6 +194,12 @@ impl Dims {
         at = 0;
         while at < counts.len() {
             words[LAPLACIAN + at] = counts[at];
+            at += 1;
+        }
+        let packed = self.packed.to_words();
+        at = 0;
+        while at < packed.len() {
+            words[PackedDims::WORD + at] = packed[at];
             at += 1;
         }
         words

@@ -7,6 +7,7 @@
 pub mod blocks;
 pub mod centres;
 pub mod clips;
+pub mod compress;
 pub mod write;
 
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
@@ -23,6 +24,8 @@ pub struct BakeOptions {
     pub key_tolerance: KeyTolerance,
     /// Whether to find centres of rotation ([`centres`]), which one skinning mode needs.
     pub centres: bool,
+    /// Metres that compressed clips may stray in joint space; `None` keeps 32-bit keys.
+    pub compression: Option<f64>,
 }
 
 /// An asset and what is known about how it came about.
@@ -45,6 +48,8 @@ pub struct BakeReport {
     pub weight_error: f64,
     /// Keys in the source and keys kept.
     pub keys: (usize, usize),
+    /// Clips that were compressed.
+    pub compression: Vec<compress::CompressionReport>,
 }
 
 /// A body that cannot be written as an asset.
@@ -136,7 +141,7 @@ fn bake_with(
     laplacian: Option<&Tables>,
     options: &BakeOptions,
 ) -> Result<Baked, BakeError> {
-    let clips = clips::reduce(avatar, options.key_tolerance);
+    let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
     let centres = options
         .centres
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
@@ -155,6 +160,7 @@ fn bake_with(
             .collect(),
         weight_error: blocks.weight_error,
         keys: (clips.source_keys, clips.kept_keys()),
+        compression: clips.compression,
     };
     Ok(Baked { bytes, report })
 }

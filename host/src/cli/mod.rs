@@ -11,6 +11,7 @@ mod inspect;
 mod load;
 mod play;
 mod say;
+mod solve;
 mod studio;
 mod verify;
 
@@ -28,6 +29,7 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew solve take.c3d --output walk.bvh           markers to skeleton motion
   sinew studio --mesh body.glb --motion walk.bvh --out capture
 
 Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
@@ -51,6 +53,7 @@ enum Command {
     Play(play::Play),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
+    Solve(solve::Solve),
     Studio(Box<studio::Studio>),
 }
 
@@ -82,6 +85,7 @@ pub fn run() -> ExitCode {
         Command::Play(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
+        Command::Solve(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),
     };
     match done {

@@ -5,6 +5,7 @@
 
 pub mod atomic;
 mod body;
+pub mod bvh;
 pub mod c3d;
 mod error;
 pub mod gif;

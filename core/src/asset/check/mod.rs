@@ -5,9 +5,11 @@ mod clips;
 mod laplacian;
 mod mesh;
 mod morphs;
+mod packed;
 mod skeleton;
 
 use super::laplacian::LaplacianView;
+use super::packed::Packed;
 use super::sections::Sections;
 use super::{Asset, AssetError, SectionKind, Triangles};
 
@@ -43,6 +45,11 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         tracks: sections.view(SectionKind::Tracks)?,
         key_times: sections.view(SectionKind::KeyTimes)?,
         key_values: sections.view(SectionKind::KeyValues)?,
+        packed: Packed {
+            tracks: sections.view(SectionKind::PackedTracks)?,
+            frames: sections.view(SectionKind::PackedFrames)?,
+            values: sections.view(SectionKind::PackedValues)?,
+        },
         joint_names: sections.view(SectionKind::JointNames)?,
         names: sections.view(SectionKind::Names)?,
         laplacian: LaplacianView::find(&sections)?,
@@ -53,6 +60,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     morphs::check(&asset)?;
     clips::check(&asset)?;
     laplacian::check(&asset)?;
+    packed::check(&asset)?;
     Ok(asset)
 }
 
