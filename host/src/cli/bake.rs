@@ -157,15 +157,19 @@ impl Fitting {
 
 impl Bake {
     pub fn run(self, say: &Say) -> Result<Value, Failure> {
-        if self.mode == Mode::Laplacian {
-            let (mesh, reading) = (&self.mesh, self.fitting.reading);
-            let scan = &self.laplacian;
-            return scan.run(mesh, &self.motion, reading, &self.output, say);
-        }
         if self.compress.is_some_and(|mm| !(mm > 0.0 && mm <= 1e3)) {
             return Err(Failure::Usage(
                 "--compress must lie between 0 and 1000 mm".into(),
             ));
+        }
+        let options = BakeOptions {
+            compression: self.compress.map(|mm| mm / 1e3),
+            ..BakeOptions::default()
+        };
+        if self.mode == Mode::Laplacian {
+            let (mesh, reading) = (&self.mesh, self.fitting.reading);
+            let (scan, output) = (&self.laplacian, &self.output);
+            return scan.run(mesh, &self.motion, reading, &options, output, say);
         }
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
@@ -179,10 +183,6 @@ impl Bake {
             notices.extend(fit_notices);
             body.clips.push(clip);
         }
-        let options = BakeOptions {
-            compression: self.compress.map(|mm| mm / 1e3),
-            ..BakeOptions::default()
-        };
         let baked = bake(&body, &options)?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);

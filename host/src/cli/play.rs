@@ -103,6 +103,12 @@ impl Play {
                     .flat_map(|clip| &clip.tracks)
                     .map(|t| t.times.len())
                     .max();
+                if asset.laplacian().is_some() {
+                    say.line(
+                        "note: a .glb can only hold the coarse skin of a scan; .npy, .gif and .png \
+                         show its surface",
+                    );
+                }
                 let file = write_glb_of(&body, clip.as_slice())?;
                 write_atomic(&self.output, |out| Ok(out.write_all(&file)?))?;
                 keys.unwrap_or(1)

@@ -58,7 +58,7 @@ fn feet_of_other_proportions_stand_still() {
     let template = Template::of_body(&body, &walk);
     let graph = Graph::new(&scan, &body.mesh.triangles);
     let pairs = Pairs {
-        reference: 0,
+        reference: Some(0),
         pairs: graph
             .spread(&[0], 70)
             .into_iter()

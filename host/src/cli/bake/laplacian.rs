@@ -121,6 +121,7 @@ impl Laplacian {
         mesh: &Path,
         motion: &[PathBuf],
         reading: Reading,
+        baking: &BakeOptions,
         output: &Path,
         say: &Say,
     ) -> Result<Value, Failure> {
@@ -162,7 +163,7 @@ impl Laplacian {
             write_png(to, &marker_sheet(&rig, 640))?;
             say.line(format!("wrote {}", to.display()));
         }
-        let baked = bake_rig(&rig, &BakeOptions::default())?;
+        let baked = bake_rig(&rig, baking)?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &rig.body, say);

@@ -10,7 +10,8 @@
 //! LeftLeg-LeftFoot:1:front,4711,0.102,0.331,0.064
 //! ```
 //!
-//! Where `vertex` is empty, the vertex nearest to x y z (metres) is taken.
+//! Where `vertex` is empty, the vertex nearest to x y z (metres) is taken. Without a line
+//! `reference-frame`, no frame of the template need show the pose of the scan.
 
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write as _;
@@ -35,8 +36,9 @@ pub struct Pair {
 /// All of them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Pairs {
-    /// The template's frame in whose pose the scan stands.
-    pub reference: usize,
+    /// The template's frame in whose pose the scan stands. None where no frame shows it: how markers
+    /// turn is then counted from where they are on the scan, or from a skeleton's rest pose.
+    pub reference: Option<usize>,
     /// No point and no vertex twice.
     pub pairs: Vec<Pair>,
 }
@@ -107,7 +109,10 @@ impl Pairs {
         if pairs.len() > count {
             pairs = farthest(scan, pairs, count);
         }
-        Self { reference, pairs }
+        Self {
+            reference: Some(reference),
+            pairs,
+        }
     }
 
     /// The file's text. `scan`: positions `[vertices]`, metres.
@@ -118,11 +123,10 @@ impl Pairs {
              # One line a marker: a point of the template, a vertex of the scan, where that is (m).\n\
              # Delete a line to drop a marker; empty the vertex to take the one nearest to x,y,z.\n",
         );
-        let _ = writeln!(
-            text,
-            "reference-frame: {}\nmarker,vertex,x,y,z",
-            self.reference
-        );
+        if let Some(frame) = self.reference {
+            let _ = writeln!(text, "reference-frame: {frame}");
+        }
+        text.push_str("marker,vertex,x,y,z\n");
         for &Pair { point, vertex } in &self.pairs {
             let label = &template.labels[point as usize];
             let [x, y, z] = scan[vertex as usize].to_array();
@@ -164,12 +168,9 @@ impl Pairs {
             if let Some(value) = content.strip_prefix("reference-frame:") {
                 let value = value.trim();
                 let frame = value.parse().ok().filter(|&f| f < template.frame_count());
-                found.reference = frame.ok_or_else(|| {
-                    let count = template.frame_count();
-                    bad(format!(
-                        "frame {value:?}, where the template has {count}; correct it"
-                    ))
-                })?;
+                let count = template.frame_count();
+                let why = || format!("frame {value:?}, where the template has {count}; correct it");
+                found.reference = Some(frame.ok_or_else(|| bad(why()))?);
                 continue;
             }
             let (label, rest) =

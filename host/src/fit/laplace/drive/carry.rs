@@ -23,6 +23,8 @@ pub(super) struct Body<'b> {
     reference: &'b [DVec3],
     /// (one, other, weight)
     edges: Vec<(usize, usize, f64)>,
+    /// Edges keep the scan's length: nobody knows how long they are on the template at rest.
+    rigid: bool,
 }
 
 /// A marker that must be at a place, this strongly (0 to 1).
@@ -35,7 +37,7 @@ pub(super) struct Hold {
 
 impl<'b> Body<'b> {
     /// O(markers^2 log markers)
-    pub fn new(rest: &'b [DVec3], reference: &'b [DVec3]) -> Self {
+    pub fn new(rest: &'b [DVec3], reference: &'b [DVec3], rigid: bool) -> Self {
         let mut edges: Vec<(usize, usize)> = spanning_tree(rest)
             .iter()
             .map(|&[a, b]| (usize::from(a), usize::from(b)))
@@ -61,6 +63,7 @@ impl<'b> Body<'b> {
             rest,
             reference,
             edges: weighted.collect(),
+            rigid,
         }
     }
 
@@ -111,7 +114,11 @@ impl<'b> Body<'b> {
             return turn * (self.rest[b] - self.rest[a]);
         };
         let swing = DQuat::from_rotation_arc(from, to);
-        let stretch = after.length() / before.length();
+        let stretch = if self.rigid {
+            1.0
+        } else {
+            after.length() / before.length()
+        };
         stretch * (swing * (turn * (self.rest[b] - self.rest[a])))
     }
 }
@@ -149,13 +156,13 @@ mod tests {
         let turn = [DQuat::IDENTITY, DQuat::IDENTITY, bend, bend];
         let elbow = reference[1];
         let now = [0, 1, 2, 3].map(|k| elbow + turn[k] * (reference[k] - elbow));
-        let body = Body::new(&rest, &reference);
+        let body = Body::new(&rest, &reference, false);
         let placed = body.place(&now, &turn, &[]);
         let forearm = placed[3] - placed[2];
         assert!((forearm.length() - 0.2).abs() < 0.01, "{placed:?}");
         assert!(forearm.angle_between(DVec3::new(1.0_f64.cos(), 1.0_f64.sin(), 0.0)) < 0.1);
         // The same body goes where the template goes.
-        let same = Body::new(&reference, &reference).place(&now, &turn, &[]);
+        let same = Body::new(&reference, &reference, false).place(&now, &turn, &[]);
         assert!(same.iter().zip(&now).all(|(a, b)| a.distance(*b) < 1e-9));
         let hold = Hold {
             marker: 3,

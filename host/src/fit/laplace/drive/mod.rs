@@ -67,7 +67,8 @@ pub struct Driven {
 pub struct DriveReport {
     /// From the template's space to the scan's.
     pub similarity: Similarity,
-    /// Root mean square distance of t-markers from v-markers in the reference pose, metres.
+    /// Root mean square distance of t-markers from v-markers in the reference frame, metres; 0
+    /// without one.
     pub misfit: f64,
     /// Whether positions were scaled part by part.
     pub retargeted: bool,
@@ -108,22 +109,17 @@ pub fn drive(
         .iter()
         .map(|&v| positions[v as usize])
         .collect();
-    let reference = template.positions(&points, pairs.reference);
-    let similarity = similarity(&reference, &rest);
-    let aligned: Vec<DVec3> = reference.iter().map(|&p| similarity.apply(p)).collect();
-    let square = aligned
-        .iter()
-        .zip(&rest)
-        .map(|(a, b)| a.distance_squared(*b));
-    let misfit = (square.sum::<f64>() / count as f64).sqrt();
-    let middle = rest.iter().sum::<DVec3>() / count as f64;
-    let size = rest.iter().map(|p| p.distance_squared(middle)).sum::<f64>() / count as f64;
+    let start = Start::new(template, pairs, &points, &rest);
+    let Start {
+        frame,
+        similarity,
+        ref aligned,
+        misfit,
+    } = start;
     let retargeted = match options.retarget {
         Retarget::Always => true,
         Retarget::Never => false,
-        Retarget::Auto => {
-            misfit > PROPORTIONS * size.sqrt() || (similarity.scale - 1.0).abs() > PROPORTIONS
-        }
+        Retarget::Auto => misfit > PROPORTIONS || (similarity.scale - 1.0).abs() > PROPORTIONS,
     };
     let frames = template.first_frame()..template.frame_count();
     let paths: Vec<Vec<DVec3>> = frames
@@ -133,16 +129,16 @@ pub fn drive(
             now.into_iter().map(|p| similarity.apply(p)).collect()
         })
         .collect();
-    let turns = rotations(template, pairs, &similarity, &aligned, &paths, options);
+    let turns = rotations(template, &points, &start, &paths, options);
     let mut report = DriveReport {
         similarity,
-        misfit,
+        misfit: misfit * size(&rest),
         retargeted,
         plants: 0,
         slide: 0.0,
     };
     let placed: Vec<Vec<DVec3>> = if retargeted {
-        let body = Body::new(&rest, &aligned);
+        let body = Body::new(&rest, aligned, frame.is_none());
         let free = |(now, turns): (&Vec<DVec3>, &Vec<DQuat>)| body.place(now, turns, &[]);
         let mut placed: Vec<Vec<DVec3>> = paths.iter().zip(&turns).map(free).collect();
         if !options.keep_feet {
@@ -158,7 +154,7 @@ pub fn drive(
         placed
     } else {
         // A marker's vertex is not quite where the marker is; the difference turns with it.
-        let offset: Vec<DVec3> = rest.iter().zip(&aligned).map(|(v, t)| *v - *t).collect();
+        let offset: Vec<DVec3> = rest.iter().zip(aligned).map(|(v, t)| *v - *t).collect();
         let place = |(now, turns): (&Vec<DVec3>, &Vec<DQuat>)| {
             let moved = now.iter().zip(turns).zip(&offset);
             moved
@@ -180,6 +176,92 @@ pub fn drive(
     })
 }
 
+/// What motion is counted from.
+struct Start {
+    /// The template's frame; none for the scan's own pose.
+    frame: Option<usize>,
+    /// From the template's space to the scan's.
+    similarity: Similarity,
+    /// `[markers]`: where the template's are at the start, in the scan's space.
+    aligned: Vec<DVec3>,
+    /// How much proportions differ, in parts of the size of the scan.
+    misfit: f64,
+}
+
+impl Start {
+    fn new(template: &Template, pairs: &Pairs, points: &[u32], rest: &[DVec3]) -> Self {
+        // A skeleton knows its rest pose, and rotations from there.
+        let known = template.has_rotations().then_some(0);
+        let Some(frame) = pairs.reference.or(known) else {
+            return Self::on_the_scan(template, points, rest);
+        };
+        let reference = template.positions(points, frame);
+        let similarity = similarity(&reference, rest);
+        let aligned: Vec<DVec3> = reference.iter().map(|&p| similarity.apply(p)).collect();
+        let square = aligned
+            .iter()
+            .zip(rest)
+            .map(|(a, b)| a.distance_squared(*b));
+        let misfit = (square.sum::<f64>() / rest.len() as f64).sqrt() / size(rest);
+        Self {
+            frame: Some(frame),
+            similarity,
+            aligned,
+            misfit,
+        }
+    }
+
+    /// Sizes are compared by the mean distances of neighbours over the motion.
+    fn on_the_scan(template: &Template, points: &[u32], rest: &[DVec3]) -> Self {
+        let edges = carry::spanning_tree(rest);
+        let frames = template.first_frame()..template.frame_count();
+        let step = frames.len().div_ceil(SAMPLES).max(1);
+        let mut lengths = vec![0.0; edges.len()];
+        let mut count = 0.0;
+        for frame in frames.step_by(step) {
+            let now = template.positions(points, frame);
+            for (sum, [a, b]) in lengths.iter_mut().zip(&edges) {
+                *sum += now[usize::from(*a)].distance(now[usize::from(*b)]);
+            }
+            count += 1.0;
+        }
+        let own = edges
+            .iter()
+            .map(|[a, b]| rest[usize::from(*a)].distance(rest[usize::from(*b)]));
+        let mut ratios: Vec<f64> = own
+            .zip(&lengths)
+            .map(|(own, sum)| own * count / sum)
+            .collect();
+        ratios.retain(|ratio| ratio.is_finite());
+        ratios.sort_by(f64::total_cmp);
+        let scale = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0);
+        Self {
+            frame: None,
+            similarity: Similarity {
+                scale: if (scale - 1.0).abs() < PROPORTIONS {
+                    1.0
+                } else {
+                    scale
+                },
+                ..Similarity::IDENTITY
+            },
+            aligned: rest.to_vec(),
+            misfit: 0.0,
+        }
+    }
+}
+
+/// Root mean square distance from the middle.
+fn size(points: &[DVec3]) -> f64 {
+    let count = points.len().max(1) as f64;
+    let middle = points.iter().sum::<DVec3>() / count;
+    let square = points
+        .iter()
+        .map(|p| p.distance_squared(middle))
+        .sum::<f64>();
+    (square / count).sqrt()
+}
+
 /// From markers to vertices; sizes that differ by less than markers stand off are the same.
 fn similarity(reference: &[DVec3], rest: &[DVec3]) -> Similarity {
     let free = Similarity::between(reference, rest, None);
@@ -192,18 +274,21 @@ fn similarity(reference: &[DVec3], rest: &[DVec3]) -> Similarity {
 /// `[frames][markers]`, in the scan's space, since the reference pose.
 fn rotations(
     template: &Template,
-    pairs: &Pairs,
-    similarity: &Similarity,
-    reference: &[DVec3],
+    points: &[u32],
+    start: &Start,
     paths: &[Vec<DVec3>],
     options: &DriveOptions,
 ) -> Vec<Vec<DQuat>> {
-    let points = pairs.points();
-    if options.rotations == Rotations::Template && template.has_rotations() {
-        let (to, from) = (similarity.rotation, similarity.rotation.inverse());
+    let reference = &start.aligned;
+    if options.rotations == Rotations::Template
+        && template.has_rotations()
+        && let Some(from_frame) = start.frame
+    {
+        let to = start.similarity.rotation;
+        let from = to.inverse();
         let frames = template.first_frame()..template.frame_count();
         let turn = |frame| {
-            let turns = template.rotations(&points, pairs.reference, frame);
+            let turns = template.rotations(points, from_frame, frame);
             let turns = turns.unwrap_or_else(|| vec![DQuat::IDENTITY; points.len()]);
             turns.into_iter().map(|q| to * q * from).collect()
         };
