@@ -40,7 +40,5 @@ pub fn all() -> Vec<Case> {
     vec![
         case("skin", "arm", arm),
         case("skin", "human", human::asset()),
-        case("skin", "limb_exact", golden("limb_exact.sinew")),
-        case("skin", "limb_collapsed", golden("limb_collapsed.sinew")),
     ]
 }
