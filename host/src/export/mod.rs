@@ -12,9 +12,11 @@ pub mod gif;
 pub mod glb;
 pub mod marker_csv;
 pub mod npy;
+pub mod obj;
 pub mod plot;
 pub mod png;
 pub mod render;
+pub mod sheet;
 pub mod trc;
 
 pub use atomic::write_atomic;

@@ -11,7 +11,9 @@ pub mod floor;
 pub mod humanoid;
 pub mod laplace;
 mod names;
+pub mod register;
 pub mod retarget;
+pub mod segment;
 pub mod solve;
 
 pub use correspond::{Correspondence, Drive};
