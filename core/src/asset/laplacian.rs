@@ -109,6 +109,10 @@ impl LaplacianDims {
 }
 
 /// The surface of a Laplacian asset.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is no box without an allocator, and one lives for a frame"
+)]
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum LaplacianSurface<'a> {

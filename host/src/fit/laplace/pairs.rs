@@ -72,7 +72,7 @@ impl Pairs {
         on_surface.sort_unstable();
         let places: Vec<DVec3> = on_surface.iter().map(|&v| positions[v as usize]).collect();
         let tree = Nearest::new(&places);
-        let rays = crate::studio::tree::Tree::new(triangles, positions);
+        let rays = crate::spatial::Tree::new(triangles, positions);
         let all: Vec<u32> = (0..template.point_count() as u32).collect();
         let moved: Vec<DVec3> = template
             .positions(&all, reference)
