@@ -17,12 +17,12 @@ impl Nearest {
     pub fn new(points: &[DVec3]) -> Self {
         let mut points: Vec<(DVec3, u32)> = points.iter().copied().zip(0..).collect();
         let mut axes = vec![0; points.len()];
-        let mut open = vec![0..points.len()];
-        while let Some(range) = open.pop() {
-            if range.len() < 2 {
+        let mut open = vec![(0, points.len())];
+        while let Some((start, end)) = open.pop() {
+            if end - start < 2 {
                 continue;
             }
-            let part = &mut points[range.clone()];
+            let part = &mut points[start..end];
             let low = part.iter().fold(DVec3::INFINITY, |low, p| low.min(p.0));
             let high = part
                 .iter()
@@ -32,9 +32,9 @@ impl Nearest {
             part.select_nth_unstable_by(half, |a, b| {
                 a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1))
             });
-            let middle = range.start + half;
+            let middle = start + half;
             axes[middle] = axis as u8;
-            open.extend([range.start..middle, middle + 1..range.end]);
+            open.extend([(start, middle), (middle + 1, end)]);
         }
         Self { points, axes }
     }

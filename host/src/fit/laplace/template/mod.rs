@@ -259,7 +259,7 @@ fn blend(influences: &[(u32, f64)], turns: &[DQuat]) -> DQuat {
     let mut sum = DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0);
     for &(carrier, weight) in influences {
         let turn = turns[carrier as usize];
-        sum = sum + if turn.dot(first) < 0.0 { -turn } else { turn } * weight;
+        sum += if turn.dot(first) < 0.0 { -turn } else { turn } * weight;
     }
     if sum.length_squared() > 1e-12 {
         sum.normalize()
