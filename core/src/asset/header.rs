@@ -2,6 +2,7 @@
 
 use super::PackedDims;
 use super::laplacian::LaplacianDims;
+use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
@@ -93,6 +94,8 @@ pub struct Dims {
     pub name_bytes: usize,
     /// A surface that follows its joints as markers.
     pub laplacian: LaplacianDims,
+    /// The skin that markers drive.
+    pub marker_skin: MarkerSkinDims,
     /// Compressed tracks.
     pub packed: PackedDims,
 }
@@ -154,6 +157,7 @@ impl Dims {
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
             laplacian: LaplacianDims::from_words(counts(bytes, LAPLACIAN)),
+            marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
         }
     }
@@ -194,6 +198,12 @@ impl Dims {
         at = 0;
         while at < counts.len() {
             words[LAPLACIAN + at] = counts[at];
+            at += 1;
+        }
+        let (first, group) = self.marker_skin.words();
+        at = 0;
+        while at < MARKER_SKIN_WORDS {
+            words[first + at] = group[at];
             at += 1;
         }
         let packed = self.packed.to_words();

@@ -12,6 +12,7 @@ mod header;
 mod include;
 mod kind;
 mod laplacian;
+mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
@@ -27,6 +28,7 @@ pub use header::{
 pub use include::Aligned;
 pub use kind::SectionKind;
 pub use laplacian::{LaplacianDims, LaplacianSurface};
+pub use marker_skin::{MarkerMode, MarkerSkin, MarkerSkinDims};
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
 pub use packed::{PackedDims, PackedTrack, unpack_rotation};
@@ -65,6 +67,8 @@ pub struct Asset<'a> {
     joint_names: &'a [[u32; 2]],
     names: &'a [u8],
     laplacian: laplacian::LaplacianView<'a>,
+    marker_skin: Option<MarkerSkin<'a>>,
+    marker_names: &'a [[u32; 2]],
 }
 
 /// Blocks with the same number of slots.

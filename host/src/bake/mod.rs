@@ -118,8 +118,24 @@ impl AssetBytes {
 /// # Errors
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
+    bake_with(avatar, options, None)
+}
+
+/// [`bake`] with a skin that markers drive beside the skeleton's.
+///
+/// # Errors
+/// As [`bake`].
+pub fn bake_with(
+    avatar: &Avatar,
+    options: &BakeOptions,
+    marker_skin: Option<&write::MarkerSkinData>,
+) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
-    bake_with(avatar, &blocks, None, options)
+    let extras = write::Extras {
+        marker_skin,
+        ..write::Extras::default()
+    };
+    bake_blocks(avatar, &blocks, extras, options)
 }
 
 /// Bakes a scan that follows markers. O(vertices + keys + tables)
@@ -132,13 +148,17 @@ pub fn bake_rig(rig: &Rig, options: &BakeOptions) -> Result<Baked, BakeError> {
         Tables::Exact(tables) => &tables.order,
     };
     let blocks = blocks::in_order(&rig.body.skin, order);
-    bake_with(&rig.body, &blocks, Some(&rig.tables), options)
+    let extras = write::Extras {
+        laplacian: Some(&rig.tables),
+        ..write::Extras::default()
+    };
+    bake_blocks(&rig.body, &blocks, extras, options)
 }
 
-fn bake_with(
+fn bake_blocks(
     avatar: &Avatar,
     blocks: &Blocks,
-    laplacian: Option<&Tables>,
+    extras: write::Extras<'_>,
     options: &BakeOptions,
 ) -> Result<Baked, BakeError> {
     let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
@@ -147,7 +167,7 @@ fn bake_with(
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
     let extras = write::Extras {
         centres: centres.as_deref(),
-        laplacian,
+        ..extras
     };
     let bytes = write::write(avatar, blocks, &clips, &extras)?;
     let bytes = AssetBytes::new(&bytes);

@@ -2,7 +2,10 @@
 
 mod clips;
 mod laplacian;
+mod marker_skin;
 mod morphs;
+
+pub use marker_skin::MarkerSkinData;
 
 use std::collections::HashMap;
 
@@ -25,6 +28,8 @@ pub struct Extras<'e> {
     pub centres: Option<&'e [DVec3]>,
     /// A surface that follows the joints as markers.
     pub laplacian: Option<&'e Tables>,
+    /// A skin that markers drive.
+    pub marker_skin: Option<&'e MarkerSkinData>,
 }
 
 /// All sections, in file order, then header and table in front of them.
@@ -49,6 +54,9 @@ pub fn write(
     writer.triangles(avatar, blocks)?;
     writer.morphs(&avatar.mesh.morphs, blocks)?;
     writer.clips(clips, &avatar.mesh.morphs)?;
+    if let Some(skin) = extras.marker_skin {
+        writer.marker_skin(skin)?;
+    }
     writer.finish()
 }
 

@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::{Value, json};
 
 use super::load::Reading;
+use super::markers::FromMarkers;
 use super::say::{Say, bytes, notices_json, thousands};
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
-use crate::bake::{BakeOptions, BakeReport, Baked, bake};
+use crate::bake::{BakeOptions, BakeReport, Baked, bake_with};
 use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, feet, floor, retarget};
 use crate::import::Place;
@@ -27,6 +28,8 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --compress 0.5 --output body.sinew
   sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --mode hybrid --rest-frame 40 --output body.sinew
   sinew bake --mode laplacian --mesh scan.ply --markers take.c3d --output scan.sinew
   sinew bake --mode laplacian --mesh scan.obj --template walk.bvh --picture markers.png \\
     --save-pairs markers.txt --output scan.sinew")]
@@ -34,9 +37,6 @@ pub(crate) struct Bake {
     /// The body: a .glb or .gltf with skin weights; a scan may be a .ply or .obj too.
     #[arg(long)]
     mesh: PathBuf,
-    /// How the surface follows.
-    #[arg(long, value_enum, default_value_t = Mode::Skin)]
-    mode: Mode,
     /// Captured motion (.bvh), put on the body by rotation alone; may be given several times.
     #[arg(long)]
     motion: Vec<PathBuf>,
@@ -44,21 +44,13 @@ pub(crate) struct Bake {
     fitting: Fitting,
     #[command(flatten)]
     laplacian: laplacian::Laplacian,
+    from_markers: FromMarkers,
     /// Compress clips: joints, and skin 100 mm around them, may stray so many millimetres.
     #[arg(long, value_name = "MM")]
     compress: Option<f64>,
     /// Where to write the asset.
     #[arg(long, short)]
     output: PathBuf,
-}
-
-/// What moves a surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Mode {
-    /// Its skeleton, by skin weights.
-    Skin,
-    /// Markers on it, without a skeleton.
-    Laplacian,
 }
 
 /// How a captured motion is put on a body.
@@ -166,10 +158,11 @@ impl Bake {
             compression: self.compress.map(|mm| mm / 1e3),
             ..BakeOptions::default()
         };
-        if self.mode == Mode::Laplacian {
+        if self.from_markers.is_laplacian() {
+            let followed = (self.from_markers.take(), &self.motion[..]);
             let (mesh, reading) = (&self.mesh, self.fitting.reading);
             let (scan, output) = (&self.laplacian, &self.output);
-            return scan.run(mesh, &self.motion, reading, &options, output, say);
+            return scan.run(mesh, followed, reading, &options, output, say);
         }
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
@@ -183,7 +176,9 @@ impl Bake {
             notices.extend(fit_notices);
             body.clips.push(clip);
         }
-        let baked = bake(&body, &options)?;
+        let learnt = self.from_markers.learn(&body, self.fitting.reading, say)?;
+        let marker_skin = learnt.as_ref().map(|learnt| &learnt.0);
+        let baked = bake_with(&body, &options, marker_skin)?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);
@@ -201,6 +196,9 @@ impl Bake {
         let limit = BAKE_LIMIT + 2.0 * options.compression.unwrap_or(0.0);
         object["error"] = error_json(&error, limit);
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
+        if let Some((_, report)) = learnt {
+            object["marker_skin"] = report;
+        }
         object["notices"] = notices_json(&notices);
         Ok(object)
     }

@@ -3,6 +3,7 @@
 mod blocks;
 mod clips;
 mod laplacian;
+mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
@@ -17,7 +18,7 @@ use super::{Asset, AssetError, SectionKind, Triangles};
 pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     let sections = Sections::find(bytes)?;
     let dims = sections.dims;
-    let asset = Asset {
+    let mut asset = Asset {
         dims,
         parents: sections.view(SectionKind::Parents)?,
         rest: sections.view(SectionKind::Rest)?,
@@ -53,6 +54,8 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         joint_names: sections.view(SectionKind::JointNames)?,
         names: sections.view(SectionKind::Names)?,
         laplacian: LaplacianView::find(&sections)?,
+        marker_skin: None,
+        marker_names: sections.view(SectionKind::MarkerNames)?,
     };
     skeleton::check(&asset)?;
     mesh::check(&asset)?;
@@ -61,6 +64,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     clips::check(&asset)?;
     laplacian::check(&asset)?;
     packed::check(&asset)?;
+    asset.marker_skin = marker_skin::check(&asset, &sections)?;
     Ok(asset)
 }
 

@@ -32,12 +32,9 @@ use sinew_core::frame::Budget;
 #[derive(Args, Clone)]
 #[command(next_help_heading = "A scan without a skeleton (--mode laplacian)")]
 pub(crate) struct Laplacian {
-    /// Marker capture to follow: .c3d, .trc or .csv; gaps are filled first.
-    #[arg(long, value_name = "TAKE", conflicts_with = "template")]
-    markers: Option<PathBuf>,
     /// Moving template to follow: a .bvh skeleton, a .glb body with a clip, or a folder with one
     /// .ply or .obj a frame (meshes or point clouds).
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "markers")]
     template: Option<PathBuf>,
     /// Marker file to use: which vertex of the scan follows which point of the template.
     #[arg(long, value_name = "FILE")]
@@ -115,11 +112,11 @@ struct Scan {
 }
 
 impl Laplacian {
-    /// `motion`: of the command's own option, where no template is given.
+    /// `followed`: the capture and the motions of the command's own options.
     pub fn run(
         &self,
         mesh: &Path,
-        motion: &[PathBuf],
+        followed: (Option<&PathBuf>, &[PathBuf]),
         reading: Reading,
         baking: &BakeOptions,
         output: &Path,
@@ -131,7 +128,7 @@ impl Laplacian {
             return Err(Failure::Usage(text.into()));
         }
         let scan = self.scan(mesh, reading, say)?;
-        let (path, template) = self.template(motion, reading, say)?;
+        let (path, template) = self.template(followed, reading, say)?;
         let at = |error: LaplaceError| fault(&path, &error);
         let (pairs, alignment) = self.pairs(&scan, &template, &path, say)?;
         if let Some(to) = &self.save_pairs {
@@ -212,11 +209,11 @@ impl Laplacian {
     /// The template and the file it came from.
     fn template(
         &self,
-        motion: &[PathBuf],
+        (markers, motion): (Option<&PathBuf>, &[PathBuf]),
         reading: Reading,
         say: &Say,
     ) -> Result<(PathBuf, Template), Failure> {
-        let given = self.markers.as_ref().or(self.template.as_ref());
+        let given = markers.or(self.template.as_ref());
         let path = match (given, motion) {
             (Some(path), []) => path,
             (None, [path]) => path,
