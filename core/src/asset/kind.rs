@@ -120,7 +120,7 @@ pub enum SectionKind {
     /// `u8 [name bytes]`: UTF-8.
     Names = u32::from_le_bytes(*b"NAME"),
     /// `f32 [joints x 3]`: rest position of each marker.
-    MarkerRest = u32::from_le_bytes(*b"LMRK"),
+    SurfaceMarkers = u32::from_le_bytes(*b"LMRK"),
     /// `u16 [joints - 1][2]`: pairs of neighbouring markers, a tree.
     MarkerEdges = u32::from_le_bytes(*b"LEDG"),
     /// `u32 [virtual handles + 1]`: first entry of each.
@@ -226,7 +226,7 @@ impl SectionKind {
         Self::ExactLocal,
         Self::ExactInverse,
         Self::Names,
-        Self::MarkerRest,
+        Self::SurfaceMarkers,
         Self::MarkerEdges,
         Self::VirtualStarts,
         Self::VirtualMarkers,
@@ -304,7 +304,7 @@ impl SectionKind {
         let (all, collapsed, exact) = (counts.is_some(), counts.is_collapsed(), counts.is_exact());
         // Number of entries, of which there are none in an asset of another kind; bytes of each.
         let (wanted, count, bytes) = match self {
-            Self::MarkerRest => (all, dims.joint_count, 12),
+            Self::SurfaceMarkers => (all, dims.joint_count, 12),
             Self::MarkerEdges => (all, dims.joint_count.saturating_sub(1), 4),
             Self::VirtualStarts => (collapsed, counts.virtual_count.saturating_add(1), 4),
             Self::VirtualMarkers => (collapsed, counts.virtual_entry_count, 2),

@@ -155,7 +155,7 @@ impl<'a> LaplacianView<'a> {
     pub(super) fn find(sections: &Sections<'a>) -> Result<Self, AssetError> {
         use SectionKind as Kind;
         Ok(Self {
-            marker_rest: sections.view(Kind::MarkerRest)?,
+            marker_rest: sections.view(Kind::SurfaceMarkers)?,
             marker_edges: sections.view(Kind::MarkerEdges)?,
             virtual_starts: sections.view(Kind::VirtualStarts)?,
             virtual_markers: sections.view(Kind::VirtualMarkers)?,

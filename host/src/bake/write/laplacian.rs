@@ -19,7 +19,7 @@ impl Writer {
         counts.virtual_count = tables.virtual_starts.len() - 1;
         counts.virtual_entry_count = tables.virtual_markers.len();
         counts.slot_count = limit("slots", tables.slot_handles.len(), u32::MAX as usize / 128)?;
-        self.put(Kind::MarkerRest, tables.marker_rest.as_flattened());
+        self.put(Kind::SurfaceMarkers, tables.marker_rest.as_flattened());
         self.put(Kind::MarkerEdges, tables.marker_edges.as_flattened());
         self.put(Kind::VirtualStarts, &tables.virtual_starts);
         self.put(Kind::VirtualMarkers, &tables.virtual_markers);
@@ -48,7 +48,10 @@ impl Writer {
             let [x, y, z, _] = tables.rest[row as usize];
             [x, y, z]
         });
-        self.put(Kind::MarkerRest, rest.collect::<Vec<_>>().as_flattened());
+        self.put(
+            Kind::SurfaceMarkers,
+            rest.collect::<Vec<_>>().as_flattened(),
+        );
         self.put(Kind::MarkerEdges, tables.marker_edges.as_flattened());
         self.put(Kind::LaneRows, &tables.lane_rows);
         self.put(Kind::RowRest, tables.rest.as_flattened());
