@@ -44,6 +44,7 @@ pub(crate) struct Bake {
     fitting: Fitting,
     #[command(flatten)]
     laplacian: laplacian::Laplacian,
+    #[command(flatten)]
     from_markers: FromMarkers,
     /// Compress clips: joints, and skin 100 mm around them, may stray so many millimetres.
     #[arg(long, value_name = "MM")]
