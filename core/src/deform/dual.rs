@@ -44,6 +44,9 @@ impl DualQuaternion<'_> {
         let zero = L::splat(token, 0.0);
         let (mut motion, mut stretch) = ([zero; N], [zero; 9]);
         for (at, (&bind, weights)) in slots.binds.iter().zip(slots.weights).enumerate() {
+            if L::weightless(weights, first) {
+                continue;
+            }
             let dual = self.dual(bind);
             let weight = L::load_weights(token, weights, first);
             let mut signed = weight;
@@ -159,7 +162,7 @@ impl Blend for Centres<'_> {
         };
         // Where the centre goes, less where the rotation alone would take it.
         let mut moved = linear.matrix::<L>(token, slots, first);
-        let centre = super::skin::load::<L>(token, slots.centre, first);
+        let centre = L::load3(token, slots.centre, first);
         for (row, turned) in moved
             .as_chunks_mut::<4>()
             .0

@@ -7,6 +7,7 @@ use super::dual::{Centres, DualQuaternion};
 use super::linear::Linear;
 use super::morph::Morphs;
 use super::output::Output;
+use super::rest::RestShape;
 use super::skin::{self, Blend, Task};
 use crate::asset::Asset;
 #[cfg(feature = "simd")]
@@ -114,9 +115,11 @@ impl<'p> SkinJob<'p> {
         let end = blocks.end.min(asset.dims().block_count);
         let blocks = blocks.start.min(end)..end;
         let task = |blocks| Task {
-            asset,
+            shape: RestShape {
+                asset,
+                morphs: Morphs::new(asset, self.morph_weights),
+            },
             blend: &blend,
-            morphs: Morphs::new(asset, self.morph_weights),
             exact_normals: self.normals == NormalMode::InverseTranspose,
             blocks,
         };

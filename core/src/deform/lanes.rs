@@ -2,7 +2,10 @@
 //!
 //! Kernels are written once against [`Lanes`]. Multiply and add stay separate everywhere.
 
-use crate::asset::{LANES, WEIGHT_ONE};
+use super::morph::Morphs;
+use super::rest::Room;
+use super::skin;
+use crate::asset::{LANES, Lanes3, WEIGHT_ONE};
 use crate::math::{ROUGH_FACTORS, ROUGH_GUESS};
 
 /// A weight of one in the asset, so that weights become parts of one.
@@ -22,8 +25,26 @@ pub(super) trait Lanes: Copy {
     fn splat(token: Self::Token, value: f32) -> Self;
     /// Lanes `first..first + WIDTH`; zero where `first` is out of range.
     fn load(token: Self::Token, from: &[f32; LANES], first: usize) -> Self;
+    /// x, y and z of these lanes.
+    #[inline(always)]
+    fn load3(token: Self::Token, from: &Lanes3, first: usize) -> [Self; 3] {
+        let [x, y, z] = from;
+        [
+            Self::load(token, x, first),
+            Self::load(token, y, first),
+            Self::load(token, z, first),
+        ]
+    }
     /// Parts of one, each rounded once.
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
+    /// Whether lanes `first..first + WIDTH` are known to weigh nothing. Only asked where a branch
+    /// costs less than the sums that it saves.
+    #[inline(always)]
+    fn weightless(_from: &[u16; LANES], _first: usize) -> bool {
+        false
+    }
+    /// Writes lanes `first..first + WIDTH`.
+    fn put(self, to: &mut [f32; LANES], first: usize);
     /// Some of the lanes, from lane `first` of this register on.
     fn part(self, first: usize) -> Self::Part;
     /// Vertices instead of axes.
@@ -39,6 +60,18 @@ pub(super) trait Lanes: Copy {
     fn with_sign(self, of: Self) -> Self;
     /// First guess of [`Self::rough_inverse_sqrt`].
     fn inverse_sqrt_guess(self) -> Self;
+
+    /// Normals by the inverse transpose. Together with the faster way it would leave no register
+    /// free, so without vectors it is a function of its own.
+    #[inline(always)]
+    fn turn_exactly(token: Self::Token, matrix: &[Self; 12], normal: [Self; 3]) -> [Self; 3] {
+        skin::turn_exactly(token, matrix, normal)
+    }
+    /// Adds morph targets to a block; likewise.
+    #[inline(always)]
+    fn add_morphs(token: Self::Token, morphs: &Morphs<'_, '_>, block: usize, room: &mut Room) {
+        morphs.add::<Self>(token, block, room);
+    }
 
     /// The same operations in the same order as [`crate::math::rough_inverse_sqrt`].
     #[inline(always)]
@@ -67,10 +100,29 @@ impl Lanes for f32 {
     fn load((): (), from: &[f32; LANES], first: usize) -> Self {
         from.get(first).copied().unwrap_or(0.0)
     }
+    /// By one address.
+    #[inline(always)]
+    fn load3((): (), from: &Lanes3, first: usize) -> [Self; 3] {
+        let from = from.as_flattened().get(first..);
+        match from {
+            Some([x, _, _, _, _, _, _, _, y, _, _, _, _, _, _, _, z, ..]) => [*x, *y, *z],
+            _ => [0.0; 3],
+        }
+    }
     #[inline(always)]
     fn load_weights((): (), from: &[u16; LANES], first: usize) -> Self {
         from.get(first)
             .map_or(0.0, |&weight| f32::from(weight) * WEIGHT_UNIT)
+    }
+    #[inline(always)]
+    fn weightless(from: &[u16; LANES], first: usize) -> bool {
+        from.get(first) == Some(&0)
+    }
+    #[inline(always)]
+    fn put(self, to: &mut [f32; LANES], first: usize) {
+        if let Some(to) = to.get_mut(first) {
+            *to = self;
+        }
     }
     #[inline(always)]
     fn part(self, _: usize) -> Self {
@@ -111,6 +163,39 @@ impl Lanes for f32 {
     fn inverse_sqrt_guess(self) -> Self {
         f32::from_bits(ROUGH_GUESS.wrapping_sub(self.to_bits() >> 1))
     }
+    #[inline(always)]
+    fn turn_exactly((): (), m: &[f32; 12], [x, y, z]: [f32; 3]) -> [f32; 3] {
+        let &[a, b, c, _, d, e, f, _, g, h, i, _] = m;
+        turn_exactly_alone(a, b, c, d, e, f, g, h, i, x, y, z)
+    }
+    #[inline(never)]
+    fn add_morphs((): (), morphs: &Morphs<'_, '_>, block: usize, room: &mut Room) {
+        morphs.add::<f32>((), block, room);
+    }
+}
+
+#[expect(
+    clippy::too_many_arguments,
+    reason = "they travel in registers, so that a caller that does not call keeps none in memory"
+)]
+#[expect(clippy::many_single_char_names, reason = "a matrix and a vector")]
+#[inline(never)]
+fn turn_exactly_alone(
+    a: f32,
+    b: f32,
+    c: f32,
+    d: f32,
+    e: f32,
+    f: f32,
+    g: f32,
+    h: f32,
+    i: f32,
+    x: f32,
+    y: f32,
+    z: f32,
+) -> [f32; 3] {
+    let matrix = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0];
+    skin::turn_exactly((), &matrix, [x, y, z])
 }
 
 /// Two vertices without vector instructions: a matrix is fetched once for both, and their sums
@@ -135,6 +220,16 @@ impl Lanes for [f32; 2] {
         let pairs = from.as_chunks().0;
         let [a, b]: [u16; 2] = pairs.get(first / 2).copied().unwrap_or_default();
         [f32::from(a) * WEIGHT_UNIT, f32::from(b) * WEIGHT_UNIT]
+    }
+    #[inline(always)]
+    fn weightless(from: &[u16; LANES], first: usize) -> bool {
+        from.as_chunks().0.get(first / 2) == Some(&[0, 0])
+    }
+    #[inline(always)]
+    fn put(self, to: &mut [f32; LANES], first: usize) {
+        if let Some(to) = to.as_chunks_mut().0.get_mut(first / 2) {
+            *to = self;
+        }
     }
     #[inline(always)]
     fn part(self, first: usize) -> f32 {
@@ -182,6 +277,10 @@ impl Lanes for [f32; 2] {
         let [a, b] = self;
         [a.inverse_sqrt_guess(), b.inverse_sqrt_guess()]
     }
+    #[inline(always)]
+    fn add_morphs((): (), morphs: &Morphs<'_, '_>, block: usize, room: &mut Room) {
+        f32::add_morphs((), morphs, block, room);
+    }
 }
 
 #[cfg(feature = "simd")]
@@ -210,6 +309,12 @@ macro_rules! simd_lanes {
                 let part: fearless_simd::$bits<S> = fearless_simd::SimdFrom::simd_from(token, part);
                 let part: Self = fearless_simd::SimdInt::to_float(part);
                 part * <Self as Lanes>::splat(token, WEIGHT_UNIT)
+            }
+            #[inline(always)]
+            fn put(self, to: &mut [f32; LANES], first: usize) {
+                if let Some(to) = to.as_chunks_mut::<$width>().0.get_mut(first / $width) {
+                    *to = self.into();
+                }
             }
             #[inline(always)]
             fn part(self, _: usize) -> Self {

@@ -27,6 +27,9 @@ impl Blend for Linear<'_> {
             }
         }
         for (&bind, weights) in slots {
+            if L::weightless(weights, first) {
+                continue;
+            }
             let weight = L::load_weights(token, weights, first);
             for (sum, &value) in sum.iter_mut().zip(self.rigid(bind)) {
                 *sum = sum.add(L::splat(token, value).mul(weight));

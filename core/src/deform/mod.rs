@@ -12,6 +12,7 @@ mod linear;
 mod morph;
 mod output;
 mod plain;
+mod rest;
 mod rigid;
 mod skin;
 mod store;

@@ -170,7 +170,6 @@ impl<'o> Output<'o> {
     }
 
     /// Positions and normals, where each has a buffer without gaps.
-    #[cfg(feature = "simd")]
     pub(super) fn separated(&mut self) -> Option<(&mut [f32], Option<&mut [f32]>)> {
         let [first, second] = &mut self.buffers;
         match (self.positions, self.normals) {
