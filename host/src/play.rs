@@ -1,9 +1,10 @@
 //! Runs the core over an asset on the host.
 
 use sinew_core::asset::Asset;
-use sinew_core::deform::{Level, Output};
+use sinew_core::deform::{Level, NormalMode, Output, SkinMode};
 use sinew_core::frame::{
-    Avatar, Budget, Fingerprint, FrameReport, Input, State, Workspace, state_len, workspace_len,
+    Avatar, Budget, Fingerprint, FrameReport, Input, ModeError, State, Workspace,
+    any_mode_workspace_len, state_len,
 };
 use sinew_core::pose;
 
@@ -11,14 +12,18 @@ use crate::model::{Clip, Skeleton};
 use crate::reference;
 
 /// One avatar with its memory and its output, in the source mesh's vertex order.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Player<'a> {
     asset: Asset<'a>,
     level: Level,
+    mode: SkinMode,
+    normal_mode: NormalMode,
     state: State<Vec<f32>>,
     workspace: Workspace<Vec<f32>>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// Empty where the asset has none.
+    tangents: Vec<[f32; 4]>,
 }
 
 impl<'a> Player<'a> {
@@ -26,14 +31,25 @@ impl<'a> Player<'a> {
     #[must_use]
     pub fn new(asset: Asset<'a>) -> Self {
         let dims = *asset.dims();
+        let has_tangents = dims.packed.tangent_block_count > 0;
+        let tangent_count = if has_tangents { dims.vertex_count } else { 0 };
         Self {
             asset,
             level: Level::best(),
+            mode: SkinMode::Linear,
+            normal_mode: NormalMode::Fast,
             state: State::with(vec![0.0; state_len(&dims)]),
-            workspace: Workspace::with(vec![0.0; workspace_len(&dims)]),
+            workspace: Workspace::with(vec![0.0; any_mode_workspace_len(&dims)]),
             positions: vec![[0.0; 3]; dims.vertex_count],
             normals: vec![[0.0; 3]; dims.vertex_count],
+            tangents: vec![[0.0; 4]; tangent_count],
         }
+    }
+
+    /// What it plays.
+    #[must_use]
+    pub fn asset(&self) -> &Asset<'a> {
+        &self.asset
     }
 
     /// The same with other instructions.
@@ -41,6 +57,18 @@ impl<'a> Player<'a> {
     pub fn with_level(mut self, level: Level) -> Self {
         self.level = level;
         self
+    }
+
+    /// The same with transforms blended in another way, and normals moved in another.
+    ///
+    /// # Errors
+    /// A mode whose data the asset does not hold.
+    pub fn with_modes(mut self, mode: SkinMode, normals: NormalMode) -> Result<Self, ModeError> {
+        Avatar::new(&self.asset, &mut self.state, &mut self.workspace)
+            .expect("the memory has the asset's size")
+            .with_mode(mode)?;
+        (self.mode, self.normal_mode) = (mode, normals);
+        Ok(self)
     }
 
     /// Steps to an input; the vertices are in [`Self::positions`] and [`Self::normals`] then.
@@ -54,8 +82,16 @@ impl<'a> Player<'a> {
             Some(self.normals.as_flattened_mut()),
         )
         .expect("the buffers have the asset's size");
+        if !self.tangents.is_empty() {
+            output = output
+                .with_tangents(self.tangents.as_flattened_mut())
+                .expect("the buffers have the asset's size");
+        }
         Avatar::new(&self.asset, &mut self.state, &mut self.workspace)
             .expect("the memory has the asset's size")
+            .with_mode(self.mode)
+            .expect("the mode was tried before")
+            .with_normals(self.normal_mode)
             .with_level(self.level)
             .step(input, Budget::UNLIMITED, &mut output)
     }
@@ -64,6 +100,12 @@ impl<'a> Player<'a> {
     #[must_use]
     pub fn positions(&self) -> &[[f32; 3]] {
         &self.positions
+    }
+
+    /// Unit length and handedness, `[vertices]`; none where the asset has none.
+    #[must_use]
+    pub fn tangents(&self) -> &[[f32; 4]] {
+        &self.tangents
     }
 
     /// Unit length, `[vertices]`.

@@ -108,6 +108,11 @@ pub enum AssetError {
         /// What they sum to.
         sum: u32,
     },
+    /// A coarser level that does not fit the asset it is in.
+    Level {
+        /// Row of the level table.
+        row: usize,
+    },
     /// A name that is not UTF-8.
     Name {
         /// The section that refers to it.
@@ -203,6 +208,10 @@ impl fmt::Display for AssetError {
                     "weights of block {block}, vertex {lane} sum to {sum}, not 65535"
                 )
             }
+            Self::Level { row } => write!(
+                f,
+                "coarser level {row} has another skeleton, other names or counts, or clips"
+            ),
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;
         write!(f, "; {}", self.hint())

@@ -1,5 +1,9 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::bounds::BoundsDims;
+use super::levels::LevelDims;
+use super::packed::PackedDims;
+
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
 
@@ -66,6 +70,12 @@ pub struct Dims {
     pub morph_row_count: usize,
     /// Rows that move normals too: all or none.
     pub morph_normal_count: usize,
+    /// What is stored in 16-bit numbers.
+    pub packed: PackedDims,
+    /// Boxes at rest.
+    pub bounds: BoundsDims,
+    /// Coarser levels.
+    pub level: LevelDims,
     /// Triangles of the mesh.
     pub triangle_count: usize,
     /// Bytes of a vertex index, 2 or 4.
@@ -144,6 +154,19 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
+            packed: PackedDims {
+                block_count: count(bytes, 21),
+                tangent_block_count: count(bytes, 22),
+            },
+            bounds: BoundsDims {
+                box_count: count(bytes, 23),
+                pair_count: count(bytes, 24),
+            },
+            level: LevelDims {
+                count: count(bytes, 25),
+                bytes: count(bytes, 26),
+                source_count: count(bytes, 27),
+            },
         }
     }
 
@@ -172,6 +195,13 @@ impl Dims {
             self.morph_count,
             self.morph_row_count,
             self.morph_normal_count,
+            self.packed.block_count,
+            self.packed.tangent_block_count,
+            self.bounds.box_count,
+            self.bounds.pair_count,
+            self.level.count,
+            self.level.bytes,
+            self.level.source_count,
         ];
         let mut words = [0; DIMS_WORDS];
         let mut at = 0;

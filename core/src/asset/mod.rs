@@ -4,6 +4,7 @@
 //! `SPEC.md`; after that no accessor can fail. Nothing is copied: the views borrow the bytes,
 //! which may lie in flash or in a mapped file.
 
+mod bounds;
 mod check;
 mod checksum;
 mod clips;
@@ -11,10 +12,14 @@ mod error;
 mod header;
 mod include;
 mod kind;
+mod levels;
 mod mesh;
 mod morphs;
+mod packed;
 mod sections;
 
+pub use bounds::BoundsDims;
+pub(crate) use bounds::RestBounds;
 pub use checksum::crc32;
 pub use clips::{Channel, Clip, Interpolation, Track};
 pub use error::AssetError;
@@ -24,8 +29,12 @@ pub use header::{
 };
 pub use include::Aligned;
 pub use kind::SectionKind;
+pub use levels::LevelDims;
+pub(crate) use levels::Levels;
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
+pub(crate) use packed::Packed;
+pub use packed::{PackedBox, PackedDims};
 
 /// Eight lanes of x, then of y, then of z.
 pub type Lanes3 = [[f32; LANES]; 3];
@@ -59,6 +68,9 @@ pub struct Asset<'a> {
     key_values: &'a [f32],
     joint_names: &'a [[u32; 2]],
     names: &'a [u8],
+    pub(crate) packed: Packed<'a>,
+    pub(crate) rest_bounds: RestBounds<'a>,
+    levels: Levels<'a>,
 }
 
 /// Blocks with the same number of slots.
@@ -126,13 +138,14 @@ impl<'a> Asset<'a> {
         self.order
     }
 
-    /// Rest positions, metres. `[blocks]`; lanes beyond the last vertex repeat it.
+    /// Rest positions, metres. `[blocks]`, or empty where they are packed
+    /// ([`crate::deform::rest_shape`] reads both); lanes beyond the last vertex repeat it.
     #[must_use]
     pub fn rest_positions(&self) -> &'a [Lanes3] {
         self.positions
     }
 
-    /// Rest normals, unit length. `[blocks]`
+    /// Rest normals, unit length. `[blocks]`, or empty where they are packed.
     #[must_use]
     pub fn rest_normals(&self) -> &'a [Lanes3] {
         self.normals

@@ -2,8 +2,7 @@
 //!
 //! Kernels are written once against [`Lanes`]. Multiply and add stay separate everywhere.
 
-use super::morph::Morphs;
-use super::rest::Room;
+use super::rest::{RestShape, Room};
 use super::skin;
 use crate::asset::{LANES, Lanes3, WEIGHT_ONE};
 use crate::math::{ROUGH_FACTORS, ROUGH_GUESS};
@@ -37,6 +36,10 @@ pub(super) trait Lanes: Copy {
     }
     /// Parts of one, each rounded once.
     fn load_weights(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
+    /// Whole numbers, exact.
+    fn load_unsigned(token: Self::Token, from: &[u16; LANES], first: usize) -> Self;
+    /// Whole numbers, exact.
+    fn load_signed(token: Self::Token, from: &[i16; LANES], first: usize) -> Self;
     /// Whether lanes `first..first + WIDTH` are known to weigh nothing. Only asked where a branch
     /// costs less than the sums that it saves.
     #[inline(always)]
@@ -56,6 +59,8 @@ pub(super) trait Lanes: Copy {
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
     fn div(self, other: Self) -> Self;
+    /// The larger; either where they are equal, so the sign of a zero is not known.
+    fn max(self, other: Self) -> Self;
     /// The magnitude of `self` with the sign of `of`.
     fn with_sign(self, of: Self) -> Self;
     /// First guess of [`Self::rough_inverse_sqrt`].
@@ -67,10 +72,10 @@ pub(super) trait Lanes: Copy {
     fn turn_exactly(token: Self::Token, matrix: &[Self; 12], normal: [Self; 3]) -> [Self; 3] {
         skin::turn_exactly(token, matrix, normal)
     }
-    /// Adds morph targets to a block; likewise.
+    /// Unpacks a block and adds morph targets; likewise.
     #[inline(always)]
-    fn add_morphs(token: Self::Token, morphs: &Morphs<'_, '_>, block: usize, room: &mut Room) {
-        morphs.add::<Self>(token, block, room);
+    fn put_together(token: Self::Token, shape: &RestShape<'_, '_>, block: usize, room: &mut Room) {
+        shape.put_together::<Self>(token, block, room);
     }
 
     /// The same operations in the same order as [`crate::math::rough_inverse_sqrt`].
@@ -115,6 +120,14 @@ impl Lanes for f32 {
             .map_or(0.0, |&weight| f32::from(weight) * WEIGHT_UNIT)
     }
     #[inline(always)]
+    fn load_unsigned((): (), from: &[u16; LANES], first: usize) -> Self {
+        from.get(first).map_or(0.0, |&number| f32::from(number))
+    }
+    #[inline(always)]
+    fn load_signed((): (), from: &[i16; LANES], first: usize) -> Self {
+        from.get(first).map_or(0.0, |&number| f32::from(number))
+    }
+    #[inline(always)]
     fn weightless(from: &[u16; LANES], first: usize) -> bool {
         from.get(first) == Some(&0)
     }
@@ -156,6 +169,10 @@ impl Lanes for f32 {
         self / other
     }
     #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+    #[inline(always)]
     fn with_sign(self, of: Self) -> Self {
         self.copysign(of)
     }
@@ -169,8 +186,8 @@ impl Lanes for f32 {
         turn_exactly_alone(a, b, c, d, e, f, g, h, i, x, y, z)
     }
     #[inline(never)]
-    fn add_morphs((): (), morphs: &Morphs<'_, '_>, block: usize, room: &mut Room) {
-        morphs.add::<f32>((), block, room);
+    fn put_together((): (), shape: &RestShape<'_, '_>, block: usize, room: &mut Room) {
+        shape.put_together::<f32>((), block, room);
     }
 }
 
@@ -222,6 +239,18 @@ impl Lanes for [f32; 2] {
         [f32::from(a) * WEIGHT_UNIT, f32::from(b) * WEIGHT_UNIT]
     }
     #[inline(always)]
+    fn load_unsigned((): (), from: &[u16; LANES], first: usize) -> Self {
+        let pairs = from.as_chunks().0;
+        let pair: [u16; 2] = pairs.get(first / 2).copied().unwrap_or_default();
+        pair.map(f32::from)
+    }
+    #[inline(always)]
+    fn load_signed((): (), from: &[i16; LANES], first: usize) -> Self {
+        let pairs = from.as_chunks().0;
+        let pair: [i16; 2] = pairs.get(first / 2).copied().unwrap_or_default();
+        pair.map(f32::from)
+    }
+    #[inline(always)]
     fn weightless(from: &[u16; LANES], first: usize) -> bool {
         from.as_chunks().0.get(first / 2) == Some(&[0, 0])
     }
@@ -268,6 +297,11 @@ impl Lanes for [f32; 2] {
         [a / c, b / d]
     }
     #[inline(always)]
+    fn max(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [Lanes::max(a, c), Lanes::max(b, d)]
+    }
+    #[inline(always)]
     fn with_sign(self, [c, d]: Self) -> Self {
         let [a, b] = self;
         [a.copysign(c), b.copysign(d)]
@@ -278,8 +312,8 @@ impl Lanes for [f32; 2] {
         [a.inverse_sqrt_guess(), b.inverse_sqrt_guess()]
     }
     #[inline(always)]
-    fn add_morphs((): (), morphs: &Morphs<'_, '_>, block: usize, room: &mut Room) {
-        f32::add_morphs((), morphs, block, room);
+    fn put_together((): (), shape: &RestShape<'_, '_>, block: usize, room: &mut Room) {
+        f32::put_together((), shape, block, room);
     }
 }
 
@@ -303,12 +337,23 @@ macro_rules! simd_lanes {
             }
             #[inline(always)]
             fn load_weights(token: S, from: &[u16; LANES], first: usize) -> Self {
+                let weights = <Self as Lanes>::load_unsigned(token, from, first);
+                weights * <Self as Lanes>::splat(token, WEIGHT_UNIT)
+            }
+            #[inline(always)]
+            fn load_unsigned(token: S, from: &[u16; LANES], first: usize) -> Self {
                 let part = from.as_chunks::<$width>().0.get(first / $width);
                 // Small enough for a signed conversion, which every instruction set has.
                 let part = part.unwrap_or(&[0; $width]).map(i32::from);
                 let part: fearless_simd::$bits<S> = fearless_simd::SimdFrom::simd_from(token, part);
-                let part: Self = fearless_simd::SimdInt::to_float(part);
-                part * <Self as Lanes>::splat(token, WEIGHT_UNIT)
+                fearless_simd::SimdInt::to_float(part)
+            }
+            #[inline(always)]
+            fn load_signed(token: S, from: &[i16; LANES], first: usize) -> Self {
+                let part = from.as_chunks::<$width>().0.get(first / $width);
+                let part = part.unwrap_or(&[0; $width]).map(i32::from);
+                let part: fearless_simd::$bits<S> = fearless_simd::SimdFrom::simd_from(token, part);
+                fearless_simd::SimdInt::to_float(part)
             }
             #[inline(always)]
             fn put(self, to: &mut [f32; LANES], first: usize) {
@@ -353,6 +398,10 @@ macro_rules! simd_lanes {
             #[inline(always)]
             fn div(self, other: Self) -> Self {
                 self / other
+            }
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                fearless_simd::SimdBase::max(self, other)
             }
             #[inline(always)]
             fn with_sign(self, of: Self) -> Self {

@@ -4,12 +4,14 @@
 //! vector register is a vertex, so no sum ever crosses lanes and every register width gives the
 //! same bits.
 
+mod bounds;
 mod dual;
 mod job;
 mod lanes;
 pub mod laplacian;
 mod linear;
 mod morph;
+mod octahedral;
 mod output;
 mod plain;
 mod rest;
@@ -18,8 +20,11 @@ mod skin;
 mod store;
 #[cfg(feature = "simd")]
 mod transpose;
+mod vertices;
 
 pub use crate::Level;
+pub use bounds::{Bounds, bounds};
 pub use job::{NormalMode, SkinJob, SkinMode, skin_blocks};
 pub use output::{Attribute, Output, SizeError, VertexOrder};
 pub use plain::{PlainMesh, skin_plain};
+pub use rest::{rest_shape, rest_tangents};

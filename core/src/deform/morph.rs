@@ -19,9 +19,16 @@ impl<'m, 'a> Morphs<'m, 'a> {
         moved.then_some(Self { asset, weights })
     }
 
-    /// Adds the offsets of a block; normals are at unit length again where something was added.
+    /// Adds the offsets of a block; normals are at unit length again where something was added,
+    /// and made so before where they were not.
     #[inline(always)]
-    pub fn add<L: Lanes>(&self, token: L::Token, block: usize, room: &mut Room) {
+    pub fn add<L: Lanes>(
+        &self,
+        token: L::Token,
+        block: usize,
+        room: &mut Room,
+        has_unit_normals: bool,
+    ) {
         let mut changed = false;
         for row in self.asset.morph_rows(block) {
             let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
@@ -30,16 +37,24 @@ impl<'m, 'a> Morphs<'m, 'a> {
             }
             add::<L>(token, &mut room.positions, row.offsets, weight);
             if let Some(offsets) = row.normals {
+                if !changed && !has_unit_normals {
+                    normalise::<L>(token, &mut room.normals);
+                }
                 add::<L>(token, &mut room.normals, offsets, weight);
                 changed = true;
             }
         }
         if changed {
-            for first in (0..LANES).step_by(L::WIDTH) {
-                let unit = to_unit_length(token, L::load3(token, &room.normals, first));
-                put(&mut room.normals, unit, first);
-            }
+            normalise::<L>(token, &mut room.normals);
         }
+    }
+}
+
+#[inline(always)]
+fn normalise<L: Lanes>(token: L::Token, normals: &mut Lanes3) {
+    for first in (0..LANES).step_by(L::WIDTH) {
+        let unit = to_unit_length(token, L::load3(token, normals, first));
+        put3(normals, unit, first);
     }
 }
 
@@ -55,7 +70,7 @@ fn add<L: Lanes>(token: L::Token, sums: &mut Lanes3, offsets: &Lanes3, weight: f
 }
 
 #[inline(always)]
-pub(super) fn put<L: Lanes>(to: &mut Lanes3, xyz: [L; 3], first: usize) {
+pub(super) fn put3<L: Lanes>(to: &mut Lanes3, xyz: [L; 3], first: usize) {
     for (to, lanes) in to.iter_mut().zip(xyz) {
         lanes.put(to, first);
     }

@@ -148,6 +148,7 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
                 continue;
             }
             let matrix = some_lanes(token, &sums, 0);
+            tangents(token, job, store, &matrix, place);
             let rest_position = L::Part::load3(token, rest.positions, first);
             store.positions(block, first, move_point(&matrix, rest_position));
             if wants_normals {
@@ -176,6 +177,7 @@ fn single<L: Lanes, B: Blend, S: Store>(
 ) {
     let matrix = some_lanes(token, sums, at);
     let first = first + at;
+    tangents(token, job, store, &matrix, (block, first));
     let position = move_point(&matrix, L::Part::load3(token, rest.positions, first));
     if store.wants_normals() {
         let normal = turned(token, job, &matrix, rest, first);
@@ -187,18 +189,42 @@ fn single<L: Lanes, B: Blend, S: Store>(
 
 /// Normals as the mode wants them, of any length.
 #[inline(always)]
-fn turned<L: Lanes, B>(
+pub(super) fn turned<L: Lanes, B>(
     token: L::Token,
     job: &Task<'_, '_, B>,
     matrix: &[L; 12],
     rest: &Rest<'_>,
     first: usize,
 ) -> [L; 3] {
-    let normal = L::load3(token, rest.normals, first);
+    let mut normal = L::load3(token, rest.normals, first);
     if job.exact_normals {
+        if !job.shape.has_unit_normals() {
+            // A power of two: products of three numbers of a matrix stay in range.
+            let small = L::splat(token, 1.0 / 32768.0);
+            for axis in &mut normal {
+                *axis = axis.mul(small);
+            }
+        }
         L::turn_exactly(token, matrix, normal)
     } else {
         turn(matrix, normal)
+    }
+}
+
+/// Tangents lie in the surface, so the matrix of the position is right for them in every mode.
+#[inline(always)]
+fn tangents<L: Lanes, B, S: Store>(
+    token: L::Token,
+    job: &Task<'_, '_, B>,
+    store: &mut S,
+    matrix: &[L; 12],
+    (block, first): (usize, usize),
+) {
+    if store.wants_tangents()
+        && let Some((rest, signs)) = job.shape.tangents::<L>(token, block, first)
+    {
+        let tangent = to_unit_length(token, turn(matrix, rest));
+        store.tangents(block, first, tangent, signs);
     }
 }
 
@@ -235,6 +261,7 @@ fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
             for (lanes, &value) in matrix.iter_mut().zip(&rigid.matrix) {
                 *lanes = L::splat(token, value);
             }
+            tangents(token, job, store, &matrix, (block, first));
             let position = move_point(&matrix, L::load3(token, rest.positions, first));
             if !wants_normals {
                 store.positions(block, first, position);
@@ -255,7 +282,7 @@ fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
 /// Column by column from the translation on: so few registers hold numbers at once that none
 /// goes to memory.
 #[inline(always)]
-fn move_point<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
+pub(super) fn move_point<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
     let mut moved = [m[3], m[7], m[11]];
     for (column, coordinate) in [x, y, z].into_iter().enumerate() {
         for (sum, row) in moved.iter_mut().zip(m.as_chunks::<4>().0) {
@@ -266,7 +293,7 @@ fn move_point<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
 }
 
 #[inline(always)]
-fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
+pub(super) fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
     let mut turned = [m[0].mul(x), m[4].mul(x), m[8].mul(x)];
     for (column, coordinate) in [(1, y), (2, z)] {
         for (sum, row) in turned.iter_mut().zip(m.as_chunks::<4>().0) {

@@ -10,7 +10,15 @@ pub(super) trait Store {
     fn wants_normals(&self) -> bool;
     fn positions<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]);
     fn normals<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]);
-    /// Both.
+    /// Whether tangents are asked for; only [`Strided`] takes them.
+    #[inline(always)]
+    fn wants_tangents(&self) -> bool {
+        false
+    }
+    /// `signs`: a bit for each lane of the block, set where the handedness is negative.
+    #[inline(always)]
+    fn tangents<L: Lanes>(&mut self, _block: usize, _first: usize, _xyz: [L; 3], _signs: u8) {}
+    /// Positions and normals.
     #[inline(always)]
     fn vertices<L: Lanes>(
         &mut self,
@@ -72,6 +80,19 @@ impl Store for Strided<'_> {
         for (vertex, &row) in (first..).zip(L::rows(xyz).as_ref()) {
             if let Some(vertex) = self.place(vertex) {
                 self.to.put_normal(vertex, row);
+            }
+        }
+    }
+    #[inline(always)]
+    fn wants_tangents(&self) -> bool {
+        self.to.wants_tangents()
+    }
+    #[inline(always)]
+    fn tangents<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3], signs: u8) {
+        for (lane, &[x, y, z]) in (first..).zip(L::rows(xyz).as_ref()) {
+            let handedness = if signs >> lane & 1 == 0 { 1.0 } else { -1.0 };
+            if let Some(vertex) = self.place(block * LANES + lane) {
+                self.to.put_tangent(vertex, [x, y, z, handedness]);
             }
         }
     }

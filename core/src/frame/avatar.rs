@@ -2,7 +2,7 @@
 
 use core::borrow::BorrowMut;
 
-use super::buffers::{Kept, Progress, dual_len, dual_parts};
+use super::buffers::{Kept, Progress, dual_len, dual_parts, duals_of};
 use super::{Budget, Flags, FrameReport, State, Workspace, any_mode_workspace_len};
 use crate::asset::Asset;
 use crate::deform::{Level, NormalMode, Output, SizeError, SkinJob, SkinMode};
@@ -58,16 +58,18 @@ pub enum Input<'i> {
 /// ```
 #[derive(Debug)]
 pub struct Avatar<'r, 'a> {
-    asset: &'r Asset<'a>,
+    pub(super) asset: &'r Asset<'a>,
     progress: &'r mut Progress,
     local: &'r mut [Local],
     weights: &'r mut [f32],
     model: &'r mut [Joint12],
-    palette: &'r mut [Joint12],
+    pub(super) palette: &'r mut [Joint12],
     /// What the workspace has besides.
     spare: &'r mut [f32],
+    /// Whether some bind has a stretch; only known in modes other than linear.
+    stretched: bool,
     level: Level,
-    mode: SkinMode,
+    pub(super) mode: SkinMode,
     normals: NormalMode,
 }
 
@@ -103,6 +105,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             model: scratch.model,
             palette: scratch.palette,
             spare: scratch.rest,
+            stretched: false,
             level: Level::best(),
             mode: SkinMode::Linear,
             normals: NormalMode::Fast,
@@ -159,6 +162,12 @@ impl<'r, 'a> Avatar<'r, 'a> {
             report.flags |= Flags::OVERFLOW;
         }
         pose::palette(self.asset, self.model, self.palette);
+        if self.mode != SkinMode::Linear
+            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
+        {
+            pose::rotations(self.asset, self.local, rotations);
+            self.stretched = pose::duals(self.asset, self.palette, rotations, duals);
+        }
         self.skin(budget, output, &mut report);
         report
     }
@@ -226,6 +235,19 @@ impl<'r, 'a> Avatar<'r, 'a> {
         }
     }
 
+    /// What moves vertices after the last step.
+    pub(super) fn job(&self) -> SkinJob<'_> {
+        SkinJob {
+            palette: self.palette,
+            duals: duals_of(self.asset.dims(), self.spare),
+            stretched: self.stretched,
+            mode: self.mode,
+            normals: self.normals,
+            morph_weights: self.weights,
+            level: self.level,
+        }
+    }
+
     /// Continues at the block where the frame before stopped, so that under a steady budget every
     /// block is brought up to date in turn.
     fn skin(&mut self, budget: Budget, output: &mut Output<'_>, report: &mut FrameReport) {
@@ -242,30 +264,17 @@ impl<'r, 'a> Avatar<'r, 'a> {
             self.progress.next_block.min(blocks)
         };
         let end = first.saturating_add(count);
-        let mut job = SkinJob {
-            mode: self.mode,
-            normals: self.normals,
-            level: self.level,
-            morph_weights: self.weights,
-            ..SkinJob::linear(self.palette)
-        };
-        if self.mode != SkinMode::Linear
-            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
-        {
-            pose::rotations(self.asset, self.local, rotations);
-            job.stretched = pose::duals(self.asset, self.palette, rotations, duals);
-            job.duals = duals;
-        }
-        let mut run = |range| job.run(self.asset, range, output);
-        if end <= blocks {
-            run(first..end);
-            self.progress.next_block = if end == blocks { 0 } else { end };
+        let job = self.job();
+        let next = if end <= blocks {
+            job.run(self.asset, first..end, output);
+            if end == blocks { 0 } else { end }
         } else {
             let wrapped = end - blocks;
-            run(first..blocks);
-            run(0..wrapped);
-            self.progress.next_block = wrapped;
-        }
+            job.run(self.asset, first..blocks, output);
+            job.run(self.asset, 0..wrapped, output);
+            wrapped
+        };
+        self.progress.next_block = next;
         report.blocks_done = count;
         report.blocks_left = blocks - count;
     }

@@ -9,11 +9,13 @@ use super::load::Reading;
 use super::say::{Say, bytes, notices_json, thousands};
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
+use crate::bake::clips::KeyTolerance;
 use crate::bake::{BakeOptions, BakeReport, Baked, bake};
 use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, floor, retarget};
 use crate::import::Place;
 use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
+use crate::simplify::simplify;
 use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
@@ -23,7 +25,9 @@ use sinew_core::frame::Budget;
 Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
-  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew")]
+  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
+  sinew bake --mesh body.glb --centres --levels 5000,2000 --output game.sinew
+  sinew bake --mesh body.glb --vertices 2000 --influences 4 --quantise --output device.sinew")]
 pub(crate) struct Bake {
     /// The body: a .glb or .gltf with skin weights.
     #[arg(long)]
@@ -33,6 +37,24 @@ pub(crate) struct Bake {
     motion: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
+    /// Find centres of rotation, which `play --mode centres` needs.
+    #[arg(long)]
+    centres: bool,
+    /// Store positions and normals in 16-bit numbers: half the bytes; the error is stated.
+    #[arg(long)]
+    quantise: bool,
+    /// Simplify the body to at most so many vertices first.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
+    vertices: Option<u32>,
+    /// Hold coarser levels of detail too, of at most so many vertices each.
+    #[arg(long, value_name = "N,N..", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(4..))]
+    levels: Vec<u32>,
+    /// Keep only the heaviest influences of each vertex.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
+    influences: Option<u32>,
+    /// Leave out keys that change a joint by less than this many millimetres half a metre away.
+    #[arg(long, value_name = "MM", default_value_t = 0.0005)]
+    key_tolerance: f64,
     /// Where to write the asset.
     #[arg(long, short)]
     output: PathBuf,
@@ -128,7 +150,37 @@ impl Bake {
             notices.extend(fit_notices);
             body.clips.push(clip);
         }
-        let baked = bake(&body, &BakeOptions::default())?;
+        if !(self.key_tolerance >= 0.0 && self.key_tolerance <= 1e3) {
+            return Err(Failure::Usage(
+                "--key-tolerance must lie between 0 and 1000".into(),
+            ));
+        }
+        if let Some(most) = self.influences {
+            body.skin.limit(most as usize);
+        }
+        if let Some(vertices) = self.vertices {
+            let before = body.mesh.positions.len();
+            let simple = simplify(&body, vertices as usize);
+            (body.mesh, body.skin) = (simple.mesh, simple.skin);
+            say.line(format!(
+                "simplified from {} to {} vertices, {:.2} mm off",
+                thousands(before as u64),
+                thousands(body.mesh.positions.len() as u64),
+                simple.error * 1e3,
+            ));
+        }
+        let metres = self.key_tolerance * 1e-3;
+        let options = BakeOptions {
+            centres: self.centres,
+            quantised: self.quantise,
+            levels: self.levels.iter().map(|&count| count as usize).collect(),
+            key_tolerance: KeyTolerance {
+                rotation: 2.0 * metres,
+                translation: 2.0 * metres,
+                scale: 2.0 * metres,
+            },
+        };
+        let baked = bake(&body, &options)?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);
@@ -174,6 +226,23 @@ pub(crate) fn tell(report: &BakeReport, say: &Say) {
         thousands(report.keys.0 as u64),
         report.weight_error,
     ));
+    if let Some(error) = report.pack_error {
+        say.line(format!(
+            "16-bit shape: positions within {:.4} mm, normals within {:.4} degrees",
+            error.position * 1e3,
+            error.normal.to_degrees(),
+        ));
+    }
+    for (index, level) in report.levels.iter().enumerate() {
+        say.line(format!(
+            "level {}: {} vertices, {} triangles, {} blocks, {:.2} mm off",
+            index + 1,
+            thousands(level.vertices as u64),
+            thousands(level.triangles as u64),
+            thousands(level.blocks as u64),
+            level.error * 1e3,
+        ));
+    }
 }
 
 pub(crate) fn to_json(report: &BakeReport) -> Value {
@@ -190,6 +259,16 @@ pub(crate) fn to_json(report: &BakeReport) -> Value {
         "clips": dims.clip_count,
         "keys": { "source": report.keys.0, "kept": report.keys.1 },
         "weight_error": report.weight_error,
+        "packed": report.pack_error.map(|error| json!({
+            "position_m": error.position,
+            "normal_rad": error.normal,
+        })),
+        "levels": report.levels.iter().map(|level| json!({
+            "vertices": level.vertices,
+            "triangles": level.triangles,
+            "blocks": level.blocks,
+            "error_m": level.error,
+        })).collect::<Vec<_>>(),
         "section_bytes": sections.collect::<serde_json::Map<_, _>>(),
     })
 }

@@ -7,6 +7,7 @@ pub mod atomic;
 mod body;
 pub mod c3d;
 mod error;
+mod frames;
 pub mod gif;
 pub mod glb;
 pub mod marker_csv;
@@ -19,6 +20,7 @@ pub mod trc;
 pub use atomic::write_atomic;
 pub use body::write_glb_of;
 pub use error::{ExportError, ExportErrorKind};
+pub use frames::{Frame, write_glb_frames};
 pub use npy::NpyWriter;
 
 #[cfg(test)]

@@ -128,7 +128,10 @@ impl Queue {
 /// What is left, in the source's order.
 fn gather(avatar: &Avatar, surface: &Surface, error: f64) -> Simplified {
     let mesh = &avatar.mesh;
-    let mut source: Vec<u32> = surface.triangles().flat_map(|(corners, _)| corners).collect();
+    let mut source: Vec<u32> = surface
+        .triangles()
+        .flat_map(|(corners, _)| corners)
+        .collect();
     source.sort_unstable();
     source.dedup();
     let place = |vertex: u32| source.partition_point(|&other| other < vertex) as u32;
@@ -178,7 +181,9 @@ fn gather(avatar: &Avatar, surface: &Surface, error: f64) -> Simplified {
 
 fn pick<T: Clone>(all: &[T], source: &[u32]) -> Vec<T> {
     let vertices = source.iter();
-    vertices.map(|&vertex| all[vertex as usize].clone()).collect()
+    vertices
+        .map(|&vertex| all[vertex as usize].clone())
+        .collect()
 }
 
 #[cfg(test)]

@@ -37,7 +37,9 @@ pub(super) fn positions(avatar: &Avatar) -> Vec<Vec<DVec3>> {
 
 fn skinned(avatar: &Avatar, model: &[DAffine3]) -> Vec<DVec3> {
     let binds = avatar.skin.binds.iter();
-    let palette: Vec<DAffine3> = binds.map(|bind| model[bind.joint] * bind.inverse_bind).collect();
+    let palette: Vec<DAffine3> = binds
+        .map(|bind| model[bind.joint] * bind.inverse_bind)
+        .collect();
     let vertices = avatar.mesh.positions.iter().zip(&avatar.skin.influences);
     let blend = |(position, influences): (&DVec3, &Vec<(u32, f64)>)| {
         let parts = influences.iter();

@@ -114,7 +114,9 @@ impl<'p> Quadrics<'p> {
             let first = point as usize * self.poses.len();
             let quadrics = &self.quadrics[first..first + self.poses.len()];
             let poses = quadrics.iter().zip(self.poses);
-            poses.map(|(quadric, pose)| quadric.at(pose[vertex])).sum::<f64>()
+            poses
+                .map(|(quadric, pose)| quadric.at(pose[vertex]))
+                .sum::<f64>()
         };
         of(from) + of(to)
     }

@@ -120,7 +120,9 @@ impl Surface {
         let part = |index: u32| self.parts[index as usize];
         let whole = sides.len() == 2
             && part(sides[0].0) == part(sides[1].0)
-            && sides.iter().all(|(_, corners)| corners.contains(&from) && corners.contains(&to));
+            && sides
+                .iter()
+                .all(|(_, corners)| corners.contains(&from) && corners.contains(&to));
         !whole
     }
 
@@ -136,7 +138,10 @@ impl Surface {
         let mut heirs: Vec<(u32, u32)> = Vec::new();
         let mut parts = Vec::new();
         let at = |corners: &[u32; 3], point: u32| {
-            corners.iter().copied().find(|&vertex| self.point(vertex) == point)
+            corners
+                .iter()
+                .copied()
+                .find(|&vertex| self.point(vertex) == point)
         };
         for (index, corners) in self.edge(from, to) {
             let pair = (at(&corners, from)?, at(&corners, to)?);
@@ -163,7 +168,9 @@ impl Surface {
         let sides = self.edge(from, to).count();
         let (near, far) = (self.neighbours(from), self.neighbours(to));
         // A border only shrinks along itself.
-        let on_border = near.iter().any(|&other| self.edge(from, other).count() != 2);
+        let on_border = near
+            .iter()
+            .any(|&other| self.edge(from, other).count() != 2);
         if sides == 0 || sides > 2 || (on_border && sides != 1) {
             return false;
         }
