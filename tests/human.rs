@@ -11,6 +11,17 @@ use sinew_host::model::{Avatar, Motion};
 
 use crate::root;
 
+/// The body at rest.
+///
+/// # Panics
+/// When the bundled file is absent or no longer sound.
+#[must_use]
+pub fn body() -> Avatar {
+    let file = fs::read(root().join("examples/data/human.glb")).expect("the bundled body");
+    let raw = read_gltf(&file, "human.glb", Path::new("")).expect("a body");
+    Avatar::new(raw, "human.glb").expect("a sound body").0
+}
+
 /// Imports, fits and bakes.
 ///
 /// # Panics
@@ -18,8 +29,7 @@ use crate::root;
 #[must_use]
 pub fn asset() -> AssetBytes {
     let read = |name: &str| fs::read(root().join("examples/data").join(name)).expect(name);
-    let raw = read_gltf(&read("human.glb"), "human.glb", Path::new("")).expect("a body");
-    let (mut body, _) = Avatar::new(raw, "human.glb").expect("a sound body");
+    let mut body = body();
     for name in ["walk", "kneel"] {
         let file = format!("{name}.bvh");
         let raw = read_bvh(&read(&file), &file).expect("a motion");
