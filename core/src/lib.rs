@@ -4,7 +4,8 @@
 //! | --- | --- | --- |
 //! | [`asset`] | bytes | typed views, checked once |
 //! | [`pose`] | a clip and a time, or a caller's pose | joint matrices |
-//! | [`solve`] | a factored sparse system | its solution, in place |
+//! | [`solve`] | a factored sparse system; an assignment | its solution |
+//! | [`track`] | unlabelled points | markers in order, without gaps |
 //! | [`deform`] | joint matrices | vertices, in blocks of eight |
 //! | [`frame`] | input and budget | a whole frame and a report |
 //!
@@ -25,6 +26,8 @@ pub mod frame;
 mod level;
 pub mod math;
 pub mod pose;
+mod row;
 pub mod solve;
+pub mod track;
 
 pub use level::Level;
