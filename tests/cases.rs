@@ -37,5 +37,7 @@ pub fn all() -> Vec<Case> {
     vec![
         case("skin", "arm", arm),
         case("skin", "human", human::asset()),
+        case("skin", "human_2k", human::small_asset()),
+        case("modes", "human_2k", human::small_asset_of_every_mode()),
     ]
 }

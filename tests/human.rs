@@ -3,11 +3,13 @@
 use std::fs;
 use std::path::Path;
 
+use sinew_host::bake::clips::KeyTolerance;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake};
 use sinew_host::fit::{Correspondence, Options, floor, retarget};
 use sinew_host::import::gltf::read_gltf;
 use sinew_host::import::read_bvh;
-use sinew_host::model::{Avatar, Motion};
+use sinew_host::model::{Avatar, Clip, Motion};
+use sinew_host::simplify::simplify;
 
 use crate::root;
 
@@ -28,6 +30,76 @@ pub fn body() -> Avatar {
 /// When the bundled files are absent or no longer fit.
 #[must_use]
 pub fn asset() -> AssetBytes {
+    let baked = bake(&moving_body(), &BakeOptions::default());
+    baked.expect("bakes").bytes
+}
+
+/// For a small machine: 2,000 vertices, 4 influences, 16-bit shapes, two seconds of the walk, keys
+/// within a tenth of a millimetre half a metre from a joint.
+///
+/// # Panics
+/// When the bundled files are absent or no longer fit.
+#[must_use]
+pub fn small_asset() -> AssetBytes {
+    let options = BakeOptions {
+        quantised: true,
+        key_tolerance: KeyTolerance {
+            rotation: 2e-4,
+            translation: 2e-4,
+            scale: 2e-4,
+        },
+        ..BakeOptions::default()
+    };
+    bake(&small_body(), &options).expect("bakes").bytes
+}
+
+/// The same with centres of rotation, tangents, and a level of 1,000 vertices.
+///
+/// # Panics
+/// When the bundled files are absent or no longer fit.
+#[must_use]
+pub fn small_asset_of_every_mode() -> AssetBytes {
+    let mut body = small_body();
+    let normals = body.mesh.normals.iter().enumerate();
+    let tangents = normals.map(|(vertex, normal)| {
+        let [x, y, z] = normal.any_orthonormal_vector().to_array();
+        [x, y, z, if vertex % 3 == 0 { -1.0 } else { 1.0 }]
+    });
+    body.mesh.tangents = Some(tangents.collect());
+    let options = BakeOptions {
+        quantised: true,
+        centres: true,
+        levels: vec![1000],
+        ..BakeOptions::default()
+    };
+    bake(&body, &options).expect("bakes").bytes
+}
+
+fn small_body() -> Avatar {
+    let mut body = moving_body();
+    body.clips.truncate(1);
+    for clip in &mut body.clips {
+        shorten(clip, 2.0);
+    }
+    body.skin.limit(4);
+    let simple = simplify(&body, 2000);
+    (body.mesh, body.skin) = (simple.mesh, simple.skin);
+    body
+}
+
+/// Keys beyond `seconds` left out; linear and step tracks only.
+fn shorten(clip: &mut Clip, seconds: f64) {
+    for track in &mut clip.tracks {
+        let kept = track.times.partition_point(|&time| time <= seconds).max(1);
+        track.times.truncate(kept);
+        track.values.truncate(kept);
+    }
+    let ends = clip.tracks.iter().filter_map(|track| track.times.last());
+    clip.duration = ends.copied().fold(0.0, f64::max);
+}
+
+/// The body with its walk and kneel.
+fn moving_body() -> Avatar {
     let read = |name: &str| fs::read(root().join("examples/data").join(name)).expect(name);
     let mut body = body();
     for name in ["walk", "kneel"] {
@@ -45,6 +117,5 @@ pub fn asset() -> AssetBytes {
         fitted.clip.name = name.into();
         body.clips.push(fitted.clip);
     }
-    let baked = bake(&body, &BakeOptions::default());
-    baked.expect("bakes").bytes
+    body
 }

@@ -9,6 +9,7 @@ use crate::math::{Affine12, IDENTITY};
 use crate::pose::Dual17;
 
 /// Blends rotation and translation as dual quaternions.
+#[derive(Clone, Copy)]
 pub(super) struct DualQuaternion<'p> {
     /// `[binds]`
     pub palette: &'p [Affine12],
@@ -19,6 +20,7 @@ pub(super) struct DualQuaternion<'p> {
 }
 
 /// Blends rotations about centres that move with the linear blend.
+#[derive(Clone, Copy)]
 pub(super) struct Centres<'p>(pub DualQuaternion<'p>);
 
 /// No rotation, no translation, no stretch.

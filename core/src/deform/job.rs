@@ -8,7 +8,7 @@ use super::linear::Linear;
 use super::morph::Morphs;
 use super::output::{Output, SizeError};
 use super::rest::RestShape;
-use super::skin::{self, Blend, Task};
+use super::skin::{self, Blend, Either, Task};
 use super::vertices;
 use crate::asset::Asset;
 #[cfg(feature = "simd")]
@@ -114,15 +114,15 @@ impl<'p> SkinJob<'p> {
         match self.mode {
             SkinMode::Linear => {
                 let blend = self.linear_blend();
-                vertices::some(&self.task(asset, &blend, 0..0), ids, positions, normals);
+                vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
             }
             SkinMode::DualQuaternion => {
                 let blend = self.dual_blend();
-                vertices::some(&self.task(asset, &blend, 0..0), ids, positions, normals);
+                vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
             }
             SkinMode::CentresOfRotation => {
                 let blend = Centres(self.dual_blend());
-                vertices::some(&self.task(asset, &blend, 0..0), ids, positions, normals);
+                vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
             }
         }
         Ok(())
@@ -131,7 +131,7 @@ impl<'p> SkinJob<'p> {
     fn task<'j, 'a, B>(
         &'j self,
         asset: &'j Asset<'a>,
-        blend: &'j B,
+        blend: B,
         blocks: Range<usize>,
     ) -> Task<'j, 'a, B> {
         Task {
@@ -140,7 +140,9 @@ impl<'p> SkinJob<'p> {
                 morphs: Morphs::new(asset, self.morph_weights),
             },
             blend,
-            exact_normals: self.normals == NormalMode::InverseTranspose,
+            normals: Either {
+                exact: self.normals == NormalMode::InverseTranspose,
+            },
             blocks,
         }
     }
@@ -168,7 +170,7 @@ impl<'p> SkinJob<'p> {
     ) {
         let end = blocks.end.min(asset.dims().block_count);
         let blocks = blocks.start.min(end)..end;
-        let task = |blocks| self.task(asset, &blend, blocks);
+        let task = |blocks| self.task(asset, blend, blocks);
         match self.level {
             Level::Scalar => skin::scalar(&task(blocks), output),
             #[cfg(feature = "simd")]

@@ -3,7 +3,6 @@
 //! Kernels are written once against [`Lanes`]. Multiply and add stay separate everywhere.
 
 use super::rest::{RestShape, Room};
-use super::skin;
 use crate::asset::{LANES, Lanes3, WEIGHT_ONE};
 use crate::math::{ROUGH_FACTORS, ROUGH_GUESS};
 
@@ -61,18 +60,17 @@ pub(super) trait Lanes: Copy {
     fn div(self, other: Self) -> Self;
     /// The larger; either where they are equal, so the sign of a zero is not known.
     fn max(self, other: Self) -> Self;
+    /// The smaller, likewise.
+    fn min(self, other: Self) -> Self;
+    /// The magnitude.
+    fn abs(self) -> Self;
     /// The magnitude of `self` with the sign of `of`.
     fn with_sign(self, of: Self) -> Self;
     /// First guess of [`Self::rough_inverse_sqrt`].
     fn inverse_sqrt_guess(self) -> Self;
 
-    /// Normals by the inverse transpose. Together with the faster way it would leave no register
-    /// free, so without vectors it is a function of its own.
-    #[inline(always)]
-    fn turn_exactly(token: Self::Token, matrix: &[Self; 12], normal: [Self; 3]) -> [Self; 3] {
-        skin::turn_exactly(token, matrix, normal)
-    }
-    /// Unpacks a block and adds morph targets; likewise.
+    /// Unpacks a block and adds morph targets. Without vectors it is a function of its own: inside
+    /// the kernel it would leave no register free.
     #[inline(always)]
     fn put_together(token: Self::Token, shape: &RestShape<'_, '_>, block: usize, room: &mut Room) {
         shape.put_together::<Self>(token, block, room);
@@ -170,7 +168,15 @@ impl Lanes for f32 {
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
-        if self > other { self } else { other }
+        Self::max(self, other)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::min(self, other)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self::abs(self)
     }
     #[inline(always)]
     fn with_sign(self, of: Self) -> Self {
@@ -180,39 +186,10 @@ impl Lanes for f32 {
     fn inverse_sqrt_guess(self) -> Self {
         f32::from_bits(ROUGH_GUESS.wrapping_sub(self.to_bits() >> 1))
     }
-    #[inline(always)]
-    fn turn_exactly((): (), m: &[f32; 12], [x, y, z]: [f32; 3]) -> [f32; 3] {
-        let &[a, b, c, _, d, e, f, _, g, h, i, _] = m;
-        turn_exactly_alone(a, b, c, d, e, f, g, h, i, x, y, z)
-    }
     #[inline(never)]
     fn put_together((): (), shape: &RestShape<'_, '_>, block: usize, room: &mut Room) {
         shape.put_together::<f32>((), block, room);
     }
-}
-
-#[expect(
-    clippy::too_many_arguments,
-    reason = "they travel in registers, so that a caller that does not call keeps none in memory"
-)]
-#[expect(clippy::many_single_char_names, reason = "a matrix and a vector")]
-#[inline(never)]
-fn turn_exactly_alone(
-    a: f32,
-    b: f32,
-    c: f32,
-    d: f32,
-    e: f32,
-    f: f32,
-    g: f32,
-    h: f32,
-    i: f32,
-    x: f32,
-    y: f32,
-    z: f32,
-) -> [f32; 3] {
-    let matrix = [a, b, c, 0.0, d, e, f, 0.0, g, h, i, 0.0];
-    skin::turn_exactly((), &matrix, [x, y, z])
 }
 
 /// Two vertices without vector instructions: a matrix is fetched once for both, and their sums
@@ -299,7 +276,17 @@ impl Lanes for [f32; 2] {
     #[inline(always)]
     fn max(self, [c, d]: Self) -> Self {
         let [a, b] = self;
-        [Lanes::max(a, c), Lanes::max(b, d)]
+        [a.max(c), b.max(d)]
+    }
+    #[inline(always)]
+    fn min(self, [c, d]: Self) -> Self {
+        let [a, b] = self;
+        [a.min(c), b.min(d)]
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        let [a, b] = self;
+        [a.abs(), b.abs()]
     }
     #[inline(always)]
     fn with_sign(self, [c, d]: Self) -> Self {
@@ -402,6 +389,14 @@ macro_rules! simd_lanes {
             #[inline(always)]
             fn max(self, other: Self) -> Self {
                 fearless_simd::SimdBase::max(self, other)
+            }
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                fearless_simd::SimdBase::min(self, other)
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                fearless_simd::SimdBase::abs(self)
             }
             #[inline(always)]
             fn with_sign(self, of: Self) -> Self {

@@ -16,16 +16,16 @@ pub(super) fn unpack<L: Lanes>(
     [x, y]: &[[i16; LANES]; 2],
     first: usize,
 ) -> [L; 3] {
-    let one = L::splat(token, ONE);
     let (x, y) = (
         L::load_signed(token, x, first),
         L::load_signed(token, y, first),
     );
-    let z = one.sub(x.with_sign(one)).sub(y.with_sign(one));
-    // How far beyond the edge of the upper half.
-    let zero = L::splat(token, 0.0);
-    let beyond = zero.sub(z).max(zero);
-    [x.sub(beyond.with_sign(x)), y.sub(beyond.with_sign(y)), z]
+    let z = L::splat(token, ONE).sub(x.abs()).sub(y.abs());
+    // How far beyond the edge of the upper half, never more than either number: so a number
+    // between these two limits is that far with its own sign.
+    let low = z.min(L::splat(token, 0.0));
+    let high = L::splat(token, 0.0).sub(low);
+    [x.sub(x.min(high).max(low)), y.sub(y.min(high).max(low)), z]
 }
 
 #[cfg(test)]

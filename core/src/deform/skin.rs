@@ -16,15 +16,47 @@ use crate::asset::{LANES, Lanes3};
 use crate::math::{Affine12, IDENTITY};
 
 /// Blocks that exist, and how they are moved.
-pub(super) struct Task<'j, 'a, B> {
+pub(super) struct Task<'j, 'a, B, N = Either> {
     pub shape: RestShape<'j, 'a>,
-    pub blend: &'j B,
-    pub exact_normals: bool,
+    pub blend: B,
+    pub normals: N,
     pub blocks: Range<usize>,
 }
 
+/// What moves normals, known to the compiler or not.
+pub(super) trait Normals: Copy {
+    /// Whether the inverse transpose does.
+    fn are_exact(self) -> bool;
+}
+
+/// Known when the program runs.
+#[derive(Clone, Copy)]
+pub(super) struct Either {
+    pub exact: bool,
+}
+
+/// Known beforehand. Without vectors both ways together would leave no register free.
+#[derive(Clone, Copy)]
+struct Always<const EXACT: bool>;
+
+impl Normals for Either {
+    #[inline(always)]
+    fn are_exact(self) -> bool {
+        self.exact
+    }
+}
+
+impl<const EXACT: bool> Normals for Always<EXACT> {
+    #[inline(always)]
+    fn are_exact(self) -> bool {
+        EXACT
+    }
+}
+
 /// Finds a matrix for each lane of a block.
-pub(super) trait Blend {
+pub(super) trait Blend: Copy {
+    /// Whether the kernel is worth a second copy for packed outputs, where code is scarce.
+    const IS_COMMON: bool = false;
     /// The matrix of a block that hangs on one bind.
     fn rigid(&self, bind: u16) -> &Affine12;
     /// Rows of 3 x 4 for lanes `first..first + L::WIDTH` of a block with these slots, two or more.
@@ -38,14 +70,32 @@ pub(super) struct Slots<'a> {
     pub centre: &'a Lanes3,
 }
 
+pub(super) fn scalar<B: Blend>(job: &Task<'_, '_, B>, output: &mut Output<'_>) {
+    if job.normals.exact {
+        scalar_by(job, Always::<true>, output);
+    } else {
+        scalar_by(job, Always::<false>, output);
+    }
+}
+
 /// A function of its own for every blend: together they would fight for registers.
 #[inline(never)]
-pub(super) fn scalar<B: Blend>(job: &Task<'_, '_, B>, output: &mut Output<'_>) {
+fn scalar_by<B: Blend, N: Normals>(job: &Task<'_, '_, B>, normals: N, output: &mut Output<'_>) {
+    let job = Task {
+        shape: job.shape,
+        blend: job.blend,
+        normals,
+        blocks: job.blocks.clone(),
+    };
     let order = job.shape.asset.source_order();
-    if let Some(mut store) = Rows::new(order, output) {
-        blocks_by::<[f32; 2], _, _>((), job, &mut store);
+    // What is asked for most gets the fastest store, the rest less code.
+    if B::IS_COMMON
+        && !normals.are_exact()
+        && let Some(mut store) = Rows::new(order, output)
+    {
+        blocks_by::<[f32; 2], _, _, _>((), &job, &mut store);
     } else {
-        blocks_by::<[f32; 2], _, _>((), job, &mut Strided::new(order, output));
+        blocks_by::<[f32; 2], _, _, _>((), &job, &mut Strided::new(order, output));
     }
 }
 
@@ -69,11 +119,11 @@ pub(super) fn by_width<S: fearless_simd::Simd, B: Blend>(
 #[inline(always)]
 fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Task<'_, '_, B>, output: &mut Output<'_>) {
     if let Some(mut store) = Packed::new(output) {
-        blocks_by::<L, _, _>(token, job, &mut store);
+        blocks_by::<L, _, _, _>(token, job, &mut store);
     } else if let Some(mut store) = Scattered::new(job.shape.asset.source_order(), output) {
-        blocks_by::<L, _, _>(token, job, &mut store);
+        blocks_by::<L, _, _, _>(token, job, &mut store);
     } else {
-        blocks_by::<L, _, _>(
+        blocks_by::<L, _, _, _>(
             token,
             job,
             &mut Strided::new(job.shape.asset.source_order(), output),
@@ -82,7 +132,11 @@ fn by_layout<L: Lanes, B: Blend>(token: L::Token, job: &Task<'_, '_, B>, output:
 }
 
 #[inline(always)]
-fn blocks_by<L: Lanes, B: Blend, S: Store>(token: L::Token, job: &Task<'_, '_, B>, store: &mut S) {
+fn blocks_by<L: Lanes, B: Blend, N: Normals, S: Store>(
+    token: L::Token,
+    job: &Task<'_, '_, B, N>,
+    store: &mut S,
+) {
     let asset = job.shape.asset;
     let mut blended = 0;
     for run in asset.runs() {
@@ -97,9 +151,9 @@ fn blocks_by<L: Lanes, B: Blend, S: Store>(token: L::Token, job: &Task<'_, '_, B
             centres: asset.centres.get(blended + skipped..).unwrap_or_default(),
         };
         if run.slots == 1 {
-            rigid_blocks::<L::Part, B, S>(token, job, part, store);
+            rigid_blocks::<L::Part, B, N, S>(token, job, part, store);
         } else {
-            blended_blocks::<L, B, S>(token, job, part, store);
+            blended_blocks::<L, B, N, S>(token, job, part, store);
             blended += run.blocks.len();
         }
     }
@@ -115,9 +169,9 @@ struct Part<'a> {
 }
 
 #[inline(always)]
-fn blended_blocks<L: Lanes, B: Blend, S: Store>(
+fn blended_blocks<L: Lanes, B: Blend, N: Normals, S: Store>(
     token: L::Token,
-    job: &Task<'_, '_, B>,
+    job: &Task<'_, '_, B, N>,
     part: Part<'_>,
     store: &mut S,
 ) {
@@ -143,8 +197,8 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
             let place = (block, first);
             if L::Part::WIDTH == 1 {
                 // Written out, or the second would be chosen number by number.
-                single::<L, B, S>(token, job, store, &sums, &rest, place, 0);
-                single::<L, B, S>(token, job, store, &sums, &rest, place, 1);
+                single::<L, B, N, S>(token, job, store, &sums, &rest, place, 0);
+                single::<L, B, N, S>(token, job, store, &sums, &rest, place, 1);
                 continue;
             }
             let matrix = some_lanes(token, &sums, 0);
@@ -166,9 +220,9 @@ fn blended_blocks<L: Lanes, B: Blend, S: Store>(
 
 /// One vertex of those whose matrices were summed.
 #[inline(always)]
-fn single<L: Lanes, B: Blend, S: Store>(
+fn single<L: Lanes, B: Blend, N: Normals, S: Store>(
     token: L::Token,
-    job: &Task<'_, '_, B>,
+    job: &Task<'_, '_, B, N>,
     store: &mut S,
     sums: &[L; 12],
     rest: &Rest<'_>,
@@ -189,15 +243,15 @@ fn single<L: Lanes, B: Blend, S: Store>(
 
 /// Normals as the mode wants them, of any length.
 #[inline(always)]
-pub(super) fn turned<L: Lanes, B>(
+pub(super) fn turned<L: Lanes, B, N: Normals>(
     token: L::Token,
-    job: &Task<'_, '_, B>,
+    job: &Task<'_, '_, B, N>,
     matrix: &[L; 12],
     rest: &Rest<'_>,
     first: usize,
 ) -> [L; 3] {
     let mut normal = L::load3(token, rest.normals, first);
-    if job.exact_normals {
+    if job.normals.are_exact() {
         if !job.shape.has_unit_normals() {
             // A power of two: products of three numbers of a matrix stay in range.
             let small = L::splat(token, 1.0 / 32768.0);
@@ -205,7 +259,7 @@ pub(super) fn turned<L: Lanes, B>(
                 *axis = axis.mul(small);
             }
         }
-        L::turn_exactly(token, matrix, normal)
+        turn_exactly(token, matrix, normal)
     } else {
         turn(matrix, normal)
     }
@@ -213,9 +267,9 @@ pub(super) fn turned<L: Lanes, B>(
 
 /// Tangents lie in the surface, so the matrix of the position is right for them in every mode.
 #[inline(always)]
-fn tangents<L: Lanes, B, S: Store>(
+fn tangents<L: Lanes, B, N, S: Store>(
     token: L::Token,
-    job: &Task<'_, '_, B>,
+    job: &Task<'_, '_, B, N>,
     store: &mut S,
     matrix: &[L; 12],
     (block, first): (usize, usize),
@@ -239,9 +293,9 @@ fn some_lanes<L: Lanes>(token: L::Token, sums: &[L; 12], first: usize) -> [L::Pa
 
 /// Blocks that hang on one bind, whose weight is one: the same in every mode.
 #[inline(always)]
-fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
+fn rigid_blocks<L: Lanes, B: Blend, N: Normals, S: Store>(
     token: L::Token,
-    job: &Task<'_, '_, B>,
+    job: &Task<'_, '_, B, N>,
     part: Part<'_>,
     store: &mut S,
 ) {
@@ -252,7 +306,7 @@ fn rigid_blocks<L: Lanes, B: Blend, S: Store>(
     for (block, &bind) in part.blocks.zip(part.binds) {
         if held != Some(bind) {
             held = Some(bind);
-            rigid = Rigid::of(job.blend.rigid(bind), job.exact_normals);
+            rigid = Rigid::of(job.blend.rigid(bind), job.normals.are_exact());
         }
         let keeps_length = rigid.keeps_length && job.shape.has_unit_normals();
         let rest = job.shape.block::<L>(token, block, &mut room);

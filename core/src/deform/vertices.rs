@@ -57,7 +57,7 @@ fn one<B: Blend>(
     let slots = at * run.slots..(at + 1) * run.slots;
     let binds = run.binds.get(slots.clone()).unwrap_or_default();
     if let &[bind] = binds {
-        let rigid = Rigid::of(job.blend.rigid(bind), job.exact_normals);
+        let rigid = Rigid::of(job.blend.rigid(bind), job.normals.exact);
         let mut normal = turn(&rigid.normals, f32::load3((), rest.normals, lane));
         if !(rigid.keeps_length && job.shape.has_unit_normals()) {
             normal = to_unit_length((), normal);
