@@ -88,6 +88,23 @@ fn case(name: &str, body: &Body, influences: usize, streaming: bool) {
         dims.rigid_block_count,
         dims.block_count,
     );
+    let packed_options = BakeOptions {
+        quantised: true,
+        ..BakeOptions::default()
+    };
+    let packed = bake(&body.avatar, &packed_options).expect("bakes").bytes;
+    let packed = vec![packed; copies];
+    let packed: Vec<Asset<'_>> = packed.iter().map(|b| b.asset().expect("sound")).collect();
+    let morphed = bake(&with_morphs(body).avatar, &BakeOptions::default()).expect("bakes");
+    let morph_rows = morphed.report.dims.morph_row_count;
+    let morphed = vec![morphed.bytes; copies];
+    let morphed: Vec<Asset<'_>> = morphed.iter().map(|b| b.asset().expect("sound")).collect();
+    let row_bytes = morph_rows * (2 + 2 * 96);
+    let plain_bytes = dims.block_count * 8 * 48 + dims.slot_count * 18;
+    println!(
+        "  bytes touched: {plain_bytes} without morphs, {:.2} times as many with",
+        (plain_bytes + row_bytes) as f64 / plain_bytes as f64
+    );
     let mut contestants: Vec<Contestant<'_>> = Vec::new();
     {
         let (mut positions, mut normals, plain) = (room(), room(), &plain);
@@ -168,23 +185,6 @@ fn case(name: &str, body: &Body, influences: usize, streaming: bool) {
             }),
         ));
     }
-    let packed_options = BakeOptions {
-        quantised: true,
-        ..BakeOptions::default()
-    };
-    let packed = bake(&body.avatar, &packed_options).expect("bakes").bytes;
-    let packed = vec![packed; copies];
-    let packed: Vec<Asset<'_>> = packed.iter().map(|b| b.asset().expect("sound")).collect();
-    let morphed = bake(&with_morphs(body).avatar, &BakeOptions::default()).expect("bakes");
-    let morph_rows = morphed.report.dims.morph_row_count;
-    let morphed = vec![morphed.bytes; copies];
-    let morphed: Vec<Asset<'_>> = morphed.iter().map(|b| b.asset().expect("sound")).collect();
-    let row_bytes = morph_rows * (2 + 2 * 96);
-    let plain_bytes = dims.block_count * 8 * 48 + dims.slot_count * 18;
-    println!(
-        "  bytes touched: {plain_bytes} without morphs, {:.2} times as many with",
-        (plain_bytes + row_bytes) as f64 / plain_bytes as f64
-    );
     for (name, assets, weights) in [
         ("sinew packed", &packed, [0.0; 8]),
         ("sinew morphs", &morphed, [0.3; 8]),

@@ -69,10 +69,18 @@ pub fn pack(mesh: &Mesh, blocks: &Blocks) -> Packed {
     packed
 }
 
-/// Tangents of all blocks and the bits of those with negative handedness; `None` where the mesh has
-/// none. O(vertices)
+/// Tangents of all blocks.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tangents {
+    /// `[blocks]`
+    pub directions: Vec<[[i16; LANES]; 2]>,
+    /// `[blocks]`: bits of those with negative handedness.
+    pub signs: Vec<u8>,
+}
+
+/// Packs tangents; `None` where the mesh has none. O(vertices)
 #[must_use]
-pub fn tangents(mesh: &Mesh, blocks: &Blocks) -> Option<(Vec<[[i16; LANES]; 2]>, Vec<u8>)> {
+pub fn tangents(mesh: &Mesh, blocks: &Blocks) -> Option<Tangents> {
     let tangents = mesh.tangents.as_ref()?;
     let all = blocks.order.chunks(LANES).map(|block| {
         let lanes = lanes(block).map(|vertex| tangents[vertex]);
@@ -86,7 +94,8 @@ pub fn tangents(mesh: &Mesh, blocks: &Blocks) -> Option<(Vec<[[i16; LANES]; 2]>,
             negative.fold(0_u8, |signs, (lane, _)| signs | 1 << lane),
         )
     });
-    Some(all.unzip())
+    let (directions, signs) = all.unzip();
+    Some(Tangents { directions, signs })
 }
 
 /// Vertices of a block; a short one repeats its last.

@@ -19,6 +19,9 @@ use crate::simplify::simplify;
 use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
+/// Millimetres half a metre away: a thousandth of a millimetre at the end of a metre.
+const KEY_TOLERANCE: f64 = 0.0005;
+
 /// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
 #[derive(Args)]
 #[command(after_help = "\
@@ -53,7 +56,7 @@ pub(crate) struct Bake {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     influences: Option<u32>,
     /// Leave out keys that change a joint by less than this many millimetres half a metre away.
-    #[arg(long, value_name = "MM", default_value_t = 0.0005)]
+    #[arg(long, value_name = "MM", default_value_t = KEY_TOLERANCE)]
     key_tolerance: f64,
     /// Where to write the asset.
     #[arg(long, short)]
@@ -194,7 +197,14 @@ impl Bake {
         ));
         let mut object = to_json(&baked.report);
         object["output"] = json!(self.output.display().to_string());
-        object["error"] = error_json(&error, BAKE_LIMIT);
+        // Keys left out add up along a chain of joints.
+        let packed = baked.report.pack_error.map_or(0.0, |error| error.position);
+        let keys = if self.key_tolerance > KEY_TOLERANCE {
+            10.0 * metres
+        } else {
+            0.0
+        };
+        object["error"] = error_json(&error, BAKE_LIMIT + packed + keys);
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
         object["notices"] = notices_json(&notices);
         Ok(object)

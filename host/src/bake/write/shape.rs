@@ -35,11 +35,11 @@ impl Writer {
     }
 
     pub(super) fn tangents(&mut self, mesh: &Mesh, blocks: &Blocks) {
-        if let Some((tangents, signs)) = quantise::tangents(mesh, blocks) {
-            self.dims.packed.tangent_block_count = tangents.len();
-            let numbers = tangents.as_flattened().as_flattened();
+        if let Some(tangents) = quantise::tangents(mesh, blocks) {
+            self.dims.packed.tangent_block_count = tangents.signs.len();
+            let numbers = tangents.directions.as_flattened().as_flattened();
             self.put(SectionKind::Tangents, numbers);
-            self.put(SectionKind::TangentSigns, &signs);
+            self.put(SectionKind::TangentSigns, &tangents.signs);
         }
     }
 
