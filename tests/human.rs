@@ -3,12 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use sinew_host::bake::clips::KeyTolerance;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake};
 use sinew_host::fit::{Correspondence, Options, floor, retarget};
 use sinew_host::import::gltf::read_gltf;
 use sinew_host::import::read_bvh;
-use sinew_host::model::{Avatar, Clip, Motion};
+use sinew_host::model::{Avatar, Motion};
 use sinew_host::simplify::simplify;
 
 use crate::root;
@@ -34,8 +33,8 @@ pub fn asset() -> AssetBytes {
     baked.expect("bakes").bytes
 }
 
-/// For a small machine: 2,000 vertices, 4 influences, 16-bit shapes, two seconds of the walk, keys
-/// within a tenth of a millimetre half a metre from a joint.
+/// For a small machine: 2,000 vertices, 4 influences, 16-bit shapes, the walk alone, compressed to
+/// half a millimetre.
 ///
 /// # Panics
 /// When the bundled files are absent or no longer fit.
@@ -43,11 +42,7 @@ pub fn asset() -> AssetBytes {
 pub fn small_asset() -> AssetBytes {
     let options = BakeOptions {
         quantised: true,
-        key_tolerance: KeyTolerance {
-            rotation: 2e-4,
-            translation: 2e-4,
-            scale: 2e-4,
-        },
+        compression: Some(5e-4),
         ..BakeOptions::default()
     };
     bake(&small_body(), &options).expect("bakes").bytes
@@ -78,24 +73,10 @@ pub fn small_asset_of_every_mode() -> AssetBytes {
 fn small_body() -> Avatar {
     let mut body = moving_body();
     body.clips.truncate(1);
-    for clip in &mut body.clips {
-        shorten(clip, 2.0);
-    }
     body.skin.limit(4);
     let simple = simplify(&body, 2000);
     (body.mesh, body.skin) = (simple.mesh, simple.skin);
     body
-}
-
-/// Keys beyond `seconds` left out; linear and step tracks only.
-fn shorten(clip: &mut Clip, seconds: f64) {
-    for track in &mut clip.tracks {
-        let kept = track.times.partition_point(|&time| time <= seconds).max(1);
-        track.times.truncate(kept);
-        track.values.truncate(kept);
-    }
-    let ends = clip.tracks.iter().filter_map(|track| track.times.last());
-    clip.duration = ends.copied().fold(0.0, f64::max);
 }
 
 /// The body with its walk and kneel.

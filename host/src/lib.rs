@@ -7,6 +7,7 @@
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
 //! | [`take`] | `Raw…` values | validated marker captures |
+//! | [`spatial`] | triangles | nearest points, first hits of rays |
 //! | [`clean`] | a marker capture | the same, merged, filled and smoothed |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`simplify`] | a body | the same with fewer vertices |
@@ -31,6 +32,7 @@ pub mod model;
 pub mod play;
 pub mod reference;
 pub mod simplify;
+pub mod spatial;
 pub mod studio;
 pub mod take;
 pub mod verify;

@@ -31,7 +31,7 @@ impl<'a> Player<'a> {
     #[must_use]
     pub fn new(asset: Asset<'a>) -> Self {
         let dims = *asset.dims();
-        let has_tangents = dims.packed.tangent_block_count > 0;
+        let has_tangents = dims.shapes.tangent_block_count > 0;
         let tangent_count = if has_tangents { dims.vertex_count } else { 0 };
         Self {
             asset,

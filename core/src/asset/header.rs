@@ -1,8 +1,9 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::PackedDims;
 use super::bounds::BoundsDims;
 use super::levels::LevelDims;
-use super::packed::PackedDims;
+use super::shapes::ShapeDims;
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
@@ -71,7 +72,7 @@ pub struct Dims {
     /// Rows that move normals too: all or none.
     pub morph_normal_count: usize,
     /// What is stored in 16-bit numbers.
-    pub packed: PackedDims,
+    pub shapes: ShapeDims,
     /// Boxes at rest.
     pub bounds: BoundsDims,
     /// Coarser levels.
@@ -96,6 +97,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// Compressed tracks.
+    pub packed: PackedDims,
 }
 
 impl Dims {
@@ -154,7 +157,7 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
-            packed: PackedDims {
+            shapes: ShapeDims {
                 block_count: count(bytes, 21),
                 tangent_block_count: count(bytes, 22),
             },
@@ -167,6 +170,7 @@ impl Dims {
                 bytes: count(bytes, 26),
                 source_count: count(bytes, 27),
             },
+            packed: PackedDims::read(bytes),
         }
     }
 
@@ -195,8 +199,8 @@ impl Dims {
             self.morph_count,
             self.morph_row_count,
             self.morph_normal_count,
-            self.packed.block_count,
-            self.packed.tangent_block_count,
+            self.shapes.block_count,
+            self.shapes.tangent_block_count,
             self.bounds.box_count,
             self.bounds.pair_count,
             self.level.count,
@@ -207,6 +211,12 @@ impl Dims {
         let mut at = 0;
         while at < counts.len() {
             words[at] = counts[at];
+            at += 1;
+        }
+        let packed = self.packed.to_words();
+        let mut at = 0;
+        while at < packed.len() {
+            words[PackedDims::WORD + at] = packed[at];
             at += 1;
         }
         words

@@ -75,6 +75,12 @@ pub enum SectionKind {
     KeyTimes = u32::from_le_bytes(*b"KTIM"),
     /// `f32 [values]`: key values.
     KeyValues = u32::from_le_bytes(*b"KVAL"),
+    /// `u32 [packed tracks x 4]`: joint and channel; first frame; keys; first value.
+    PackedTracks = u32::from_le_bytes(*b"KPTK"),
+    /// `u16 [frames]`: frames of the keys of packed tracks.
+    PackedFrames = u32::from_le_bytes(*b"KPFR"),
+    /// `u16 [values]`: ranges and keys of packed tracks.
+    PackedValues = u32::from_le_bytes(*b"KPVL"),
     /// `u32 [joints x 2]`: offset and bytes of each joint's name.
     JointNames = u32::from_le_bytes(*b"JNAM"),
     /// `u8 [name bytes]`: UTF-8.
@@ -83,7 +89,7 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 36] = [
+    pub const ALL: [Self; 39] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -118,6 +124,9 @@ impl SectionKind {
         Self::Tracks,
         Self::KeyTimes,
         Self::KeyValues,
+        Self::PackedTracks,
+        Self::PackedFrames,
+        Self::PackedValues,
         Self::JointNames,
         Self::Names,
     ];
@@ -144,18 +153,18 @@ impl SectionKind {
             Self::Runs => dims.run_count.checked_mul(16),
             Self::SlotBinds => dims.slot_count.checked_mul(2),
             Self::SlotWeights => dims.slot_count.checked_mul(16),
-            Self::PackedBoxes => dims.packed.block_count.checked_mul(24),
-            Self::PackedPositions => dims.packed.block_count.checked_mul(48),
-            Self::PackedNormals => dims.packed.block_count.checked_mul(32),
-            Self::Tangents => dims.packed.tangent_block_count.checked_mul(32),
-            Self::TangentSigns => Some(dims.packed.tangent_block_count),
+            Self::PackedBoxes => dims.shapes.block_count.checked_mul(24),
+            Self::PackedPositions => dims.shapes.block_count.checked_mul(48),
+            Self::PackedNormals => dims.shapes.block_count.checked_mul(32),
+            Self::Tangents => dims.shapes.tangent_block_count.checked_mul(32),
+            Self::TangentSigns => Some(dims.shapes.tangent_block_count),
             Self::BindBoxes => dims.bounds.box_count.checked_mul(24),
             Self::BindPairs => dims.bounds.pair_count.checked_mul(4),
             Self::PairBoxes => dims.bounds.pair_count.checked_mul(24),
             Self::Levels => dims.level.count.checked_mul(16),
             Self::LevelData => Some(dims.level.bytes),
             Self::LevelSources => dims.level.source_count.checked_mul(4),
-            Self::Positions | Self::Normals if dims.packed.block_count > 0 => Some(0),
+            Self::Positions | Self::Normals if dims.shapes.block_count > 0 => Some(0),
             Self::Positions | Self::Normals => dims.block_count.checked_mul(96),
             Self::Order => dims.vertex_count.checked_mul(4),
             Self::Triangles => match dims.triangle_count.checked_mul(3) {
@@ -167,6 +176,9 @@ impl SectionKind {
             Self::Tracks => dims.track_count.checked_mul(16),
             Self::KeyTimes => dims.key_time_count.checked_mul(4),
             Self::KeyValues => dims.key_value_count.checked_mul(4),
+            Self::PackedTracks => dims.packed.track_count.checked_mul(16),
+            Self::PackedFrames => dims.packed.frame_count.checked_mul(2),
+            Self::PackedValues => dims.packed.value_count.checked_mul(2),
             Self::JointNames => dims.joint_count.checked_mul(8),
             Self::Names => Some(dims.name_bytes),
         }

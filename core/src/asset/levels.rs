@@ -57,6 +57,7 @@ impl<'a> Asset<'a> {
         level.tracks = self.tracks;
         level.key_times = self.key_times;
         level.key_values = self.key_values;
+        level.packed = self.packed;
         level.rest_bounds = self.rest_bounds;
         level.dims.clip_count = self.dims.clip_count;
         level.dims.track_count = self.dims.track_count;
@@ -64,6 +65,7 @@ impl<'a> Asset<'a> {
         level.dims.max_track_keys = self.dims.max_track_keys;
         level.dims.key_time_count = self.dims.key_time_count;
         level.dims.key_value_count = self.dims.key_value_count;
+        level.dims.packed = self.dims.packed;
         level.dims.bounds = self.dims.bounds;
         Some(level)
     }

@@ -17,6 +17,7 @@ mod mesh;
 mod morphs;
 mod packed;
 mod sections;
+mod shapes;
 
 pub use bounds::BoundsDims;
 pub(crate) use bounds::RestBounds;
@@ -33,8 +34,9 @@ pub use levels::LevelDims;
 pub(crate) use levels::Levels;
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
-pub(crate) use packed::Packed;
-pub use packed::{PackedBox, PackedDims};
+pub use packed::{PackedDims, PackedTrack, unpack_rotation};
+pub(crate) use shapes::Shapes;
+pub use shapes::{PackedBox, ShapeDims};
 
 /// Eight lanes of x, then of y, then of z.
 pub type Lanes3 = [[f32; LANES]; 3];
@@ -66,9 +68,10 @@ pub struct Asset<'a> {
     tracks: &'a [[u32; 4]],
     key_times: &'a [f32],
     key_values: &'a [f32],
+    pub(crate) packed: packed::Packed<'a>,
     joint_names: &'a [[u32; 2]],
     names: &'a [u8],
-    pub(crate) packed: Packed<'a>,
+    pub(crate) shapes: Shapes<'a>,
     pub(crate) rest_bounds: RestBounds<'a>,
     levels: Levels<'a>,
 }

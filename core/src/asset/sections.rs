@@ -191,10 +191,10 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
         return fault(20);
     }
     let all_or_none = |count: usize, all: usize| count == 0 || count == all;
-    if !all_or_none(dims.packed.block_count, dims.block_count) {
+    if !all_or_none(dims.shapes.block_count, dims.block_count) {
         return fault(21);
     }
-    if !all_or_none(dims.packed.tangent_block_count, dims.block_count) {
+    if !all_or_none(dims.shapes.tangent_block_count, dims.block_count) {
         return fault(22);
     }
     if !all_or_none(dims.bounds.box_count, dims.bind_count) {

@@ -44,7 +44,7 @@ impl Room {
 
 impl RestShape<'_, '_> {
     fn is_packed(&self) -> bool {
-        !self.asset.packed.positions.is_empty()
+        !self.asset.shapes.positions.is_empty()
     }
 
     /// Whether normals have unit length without a further thought.
@@ -90,7 +90,7 @@ impl RestShape<'_, '_> {
     /// Normals are 32,767 long, more or less.
     #[inline(always)]
     fn unpack<L: Lanes>(&self, token: L::Token, block: usize, room: &mut Room) {
-        let packed = &self.asset.packed;
+        let packed = &self.asset.shapes;
         let place = packed.packed_box(block);
         if let Some(axes) = packed.positions.get(block) {
             let place = place.origin.into_iter().zip(place.step);
@@ -121,7 +121,7 @@ impl RestShape<'_, '_> {
         block: usize,
         first: usize,
     ) -> Option<([L; 3], u8)> {
-        let packed = &self.asset.packed;
+        let packed = &self.asset.shapes;
         let from = packed.tangents.get(block)?;
         let signs = *packed.tangent_signs.get(block)?;
         Some((octahedral::unpack::<L>(token, from, first), signs))

@@ -78,6 +78,8 @@ impl Cost {
 const SLERP: u64 = 4 + (4 + 9 + 4 + 4) + 2 * (2 + 9 * 3) + 8 + (4 + 9 + 4);
 /// A spline of four numbers: the Hermite weights, the blend, the normalisation.
 const SPLINE: u64 = 14 + 16 + (4 + 9 + 4);
+/// Two compressed keys: three components each, the fourth by a square root; their unit length.
+const PACKED: u64 = 2 * (6 + 3 + 10) + (4 + 9 + 4);
 /// A local transform to a matrix: products of components, then scales.
 const LOCAL_TO_MATRIX: u64 = 9 + 9;
 /// Three rows of four columns, three products each.
@@ -108,6 +110,11 @@ const fn pose_cost(dims: &Dims) -> Cost {
     let (joints, binds) = (dims.joint_count as u64, dims.bind_count as u64);
     let tracks = dims.max_clip_tracks as u64;
     let interpolation = if SLERP > SPLINE { SLERP } else { SPLINE };
+    let interpolation = if dims.packed.track_count > 0 {
+        interpolation + PACKED
+    } else {
+        interpolation
+    };
     // A search among n keys looks at no more than the bits of n, and then at two keys' values.
     let search = usize::BITS - dims.max_track_keys.leading_zeros();
     Cost {
@@ -133,7 +140,7 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
     let slots = dims.slot_count as u64 - (all - blocks);
     // All rows could lie in the blocks that come; each block's normals are then made unit again.
     let (rows, normals) = (dims.morph_row_count as u64, dims.morph_normal_count as u64);
-    let is_packed = dims.packed.block_count > 0;
+    let is_packed = dims.shapes.block_count > 0;
     // Packed numbers: a step each; normals may be needed at unit length before morphs are added.
     let unpack = if is_packed { 3 + UNIT_LENGTH } else { 0 };
     let rest_bytes = if is_packed { 24 + 48 + 32 } else { 2 * 96 };

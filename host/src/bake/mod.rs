@@ -9,6 +9,7 @@ pub mod blocks;
 pub mod bounds;
 pub mod centres;
 pub mod clips;
+pub mod compress;
 pub mod quantise;
 pub mod write;
 
@@ -32,6 +33,8 @@ pub struct BakeOptions {
     pub quantised: bool,
     /// Vertices of coarser levels ([`crate::simplify`]).
     pub levels: Vec<usize>,
+    /// Metres that compressed clips may stray in joint space; `None` keeps 32-bit keys.
+    pub compression: Option<f64>,
 }
 
 /// An asset and what is known about how it came about.
@@ -54,6 +57,8 @@ pub struct BakeReport {
     pub weight_error: f64,
     /// Keys in the source and keys kept.
     pub keys: (usize, usize),
+    /// Clips that were compressed.
+    pub compression: Vec<compress::CompressionReport>,
     /// What 16-bit positions and normals changed, where they were wanted; levels included.
     pub pack_error: Option<PackError>,
     /// Coarser levels.
@@ -140,7 +145,7 @@ impl AssetBytes {
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
-    let clips = clips::reduce(avatar, options.key_tolerance);
+    let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
     let find_centres =
         |mesh: &Mesh, skin: &Skin| options.centres.then(|| centres::centres(mesh, skin));
     let pack =
@@ -199,6 +204,7 @@ pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> 
         keys: (clips.source_keys, clips.kept_keys()),
         pack_error,
         levels: level_reports,
+        compression: clips.compression,
     };
     Ok(Baked { bytes, report })
 }

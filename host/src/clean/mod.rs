@@ -12,10 +12,10 @@
 
 mod despike;
 pub mod fill;
-mod linear;
+pub(crate) mod linear;
 pub mod merge;
 mod neighbours;
-mod rigid;
+pub(crate) mod rigid;
 pub mod smooth;
 
 pub use despike::{Spike, despike};

@@ -9,18 +9,14 @@ use super::load::Reading;
 use super::say::{Say, bytes, notices_json, thousands};
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
-use crate::bake::clips::KeyTolerance;
 use crate::bake::{BakeOptions, BakeReport, Baked, bake};
 use crate::export::write_atomic;
-use crate::fit::{Correspondence, Options, Reference, floor, retarget};
+use crate::fit::{Correspondence, Options, Reference, feet, floor, retarget};
 use crate::import::Place;
 use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
 use crate::simplify::simplify;
 use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
-
-/// Millimetres half a metre away: a thousandth of a millimetre at the end of a metre.
-const KEY_TOLERANCE: f64 = 0.0005;
 
 /// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
 #[derive(Args)]
@@ -28,9 +24,10 @@ const KEY_TOLERANCE: f64 = 0.0005;
 Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
+  sinew bake --mesh body.glb --motion walk.bvh --compress 0.5 --output body.sinew
   sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
   sinew bake --mesh body.glb --centres --levels 5000,2000 --output game.sinew
-  sinew bake --mesh body.glb --vertices 2000 --influences 4 --quantise --output device.sinew")]
+  sinew bake --mesh body.glb --vertices 2000 --influences 4 --quantise --compress 0.5 --output device.sinew")]
 pub(crate) struct Bake {
     /// The body: a .glb or .gltf with skin weights.
     #[arg(long)]
@@ -55,9 +52,9 @@ pub(crate) struct Bake {
     /// Keep only the heaviest influences of each vertex.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     influences: Option<u32>,
-    /// Leave out keys that change a joint by less than this many millimetres half a metre away.
-    #[arg(long, value_name = "MM", default_value_t = KEY_TOLERANCE)]
-    key_tolerance: f64,
+    /// Compress clips: joints, and skin 100 mm around them, may stray so many millimetres.
+    #[arg(long, value_name = "MM")]
+    compress: Option<f64>,
     /// Where to write the asset.
     #[arg(long, short)]
     output: PathBuf,
@@ -78,6 +75,9 @@ pub(crate) struct Fitting {
     /// Leave the height of the motion as it is instead of putting the feet on the floor.
     #[arg(long)]
     keep_height: bool,
+    /// Leave feet where rotations alone put them, instead of holding them where they stand.
+    #[arg(long)]
+    free_feet: bool,
 }
 
 impl Fitting {
@@ -109,8 +109,23 @@ impl Fitting {
             options.lift = lift;
             fitted = retarget(motion, &body.skeleton, &correspondence, &options)?;
         }
-        fitted.clip.name = name.to_owned();
         let mut notices = Vec::new();
+        if !(self.keep_height || self.free_feet) {
+            let (source, target) = (&correspondence.source, &correspondence.target);
+            let (clip, report) = feet::hold(body, target, &fitted.clip, motion, source);
+            let stances = report.contacts.iter();
+            let stances: usize = stances.map(|(_, on)| on.heel.len() + on.ball.len()).sum();
+            if stances > 0 {
+                let text = format!(
+                    "feet held in {stances} contacts, within {:.1} mm; hips sink {:.0} mm at most",
+                    1e3 * report.slide.max(report.height),
+                    1e3 * report.sink,
+                );
+                notices.push(Notice::new(Place::File, text));
+            }
+            fitted.clip = clip;
+        }
+        fitted.clip.name = name.to_owned();
         let mut unmapped = |joints: Vec<usize>, skeleton: &Skeleton, what: &str| {
             let names = joints
                 .iter()
@@ -141,6 +156,11 @@ impl Fitting {
 
 impl Bake {
     pub fn run(self, say: &Say) -> Result<Value, Failure> {
+        if self.compress.is_some_and(|mm| !(mm > 0.0 && mm <= 1e3)) {
+            return Err(Failure::Usage(
+                "--compress must lie between 0 and 1000 mm".into(),
+            ));
+        }
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
         for path in &self.motion {
@@ -152,11 +172,6 @@ impl Bake {
             notices.extend(more);
             notices.extend(fit_notices);
             body.clips.push(clip);
-        }
-        if !(self.key_tolerance >= 0.0 && self.key_tolerance <= 1e3) {
-            return Err(Failure::Usage(
-                "--key-tolerance must lie between 0 and 1000".into(),
-            ));
         }
         if let Some(most) = self.influences {
             body.skin.limit(most as usize);
@@ -172,16 +187,12 @@ impl Bake {
                 simple.error * 1e3,
             ));
         }
-        let metres = self.key_tolerance * 1e-3;
         let options = BakeOptions {
             centres: self.centres,
             quantised: self.quantise,
             levels: self.levels.iter().map(|&count| count as usize).collect(),
-            key_tolerance: KeyTolerance {
-                rotation: 2.0 * metres,
-                translation: 2.0 * metres,
-                scale: 2.0 * metres,
-            },
+            compression: self.compress.map(|mm| mm / 1e3),
+            ..BakeOptions::default()
         };
         let baked = bake(&body, &options)?;
         let asset = baked.bytes.asset()?;
@@ -197,14 +208,10 @@ impl Bake {
         ));
         let mut object = to_json(&baked.report);
         object["output"] = json!(self.output.display().to_string());
-        // Keys left out add up along a chain of joints.
+        // Skin beyond the shell around its joint may stray a little farther: twice is allowed.
         let packed = baked.report.pack_error.map_or(0.0, |error| error.position);
-        let keys = if self.key_tolerance > KEY_TOLERANCE {
-            10.0 * metres
-        } else {
-            0.0
-        };
-        object["error"] = error_json(&error, BAKE_LIMIT + packed + keys);
+        let limit = BAKE_LIMIT + packed + 2.0 * options.compression.unwrap_or(0.0);
+        object["error"] = error_json(&error, limit);
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
         object["notices"] = notices_json(&notices);
         Ok(object)
@@ -253,6 +260,15 @@ pub(crate) fn tell(report: &BakeReport, say: &Say) {
             level.error * 1e3,
         ));
     }
+    for clip in &report.compression {
+        say.line(format!(
+            "clip {:?} compressed to {} ({:.1} % of 16-bit samples), {:.3} mm off at most",
+            clip.name,
+            bytes(clip.bytes),
+            100.0 * clip.bytes as f64 / clip.raw_bytes as f64,
+            1e3 * clip.error,
+        ));
+    }
 }
 
 pub(crate) fn to_json(report: &BakeReport) -> Value {
@@ -278,6 +294,13 @@ pub(crate) fn to_json(report: &BakeReport) -> Value {
             "triangles": level.triangles,
             "blocks": level.blocks,
             "error_m": level.error,
+        })).collect::<Vec<_>>(),
+        "compression": report.compression.iter().map(|clip| json!({
+            "clip": clip.name,
+            "worst_error_mm": 1e3 * clip.error,
+            "bytes": clip.bytes,
+            "bytes_16_bit": clip.raw_bytes,
+            "keys": clip.keys,
         })).collect::<Vec<_>>(),
         "section_bytes": sections.collect::<serde_json::Map<_, _>>(),
     })

@@ -230,8 +230,8 @@ fn packed(asset: &Asset<'_>, length: usize, say: &Say) -> Value {
         thousands(dims.triangle_count as u64),
     ));
     let held = [
-        (dims.packed.block_count > 0, "16-bit shapes"),
-        (dims.packed.tangent_block_count > 0, "tangents"),
+        (dims.shapes.block_count > 0, "16-bit shapes"),
+        (dims.shapes.tangent_block_count > 0, "tangents"),
         (dims.centre_block_count > 0, "centres of rotation"),
         (dims.morph_count > 0, "morph targets"),
     ];

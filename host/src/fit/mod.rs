@@ -6,11 +6,15 @@
 
 pub mod correspond;
 mod error;
+pub mod feet;
 pub mod floor;
 pub mod humanoid;
 pub mod laplace;
 mod names;
+pub mod register;
 pub mod retarget;
+pub mod segment;
+pub mod solve;
 
 pub use correspond::{Correspondence, Drive};
 pub use error::{FitError, Which};

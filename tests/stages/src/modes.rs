@@ -54,7 +54,7 @@ pub fn run<P: Probe>(
                         looped: false,
                     });
                     let mut output = Output::separate(dims, positions, Some(normals))?;
-                    if dims.packed.tangent_block_count > 0 {
+                    if dims.shapes.tangent_block_count > 0 {
                         output = output.with_tangents(tangents)?;
                     }
                     let avatar = Avatar::new(&asset, &mut state, &mut workspace)?;
@@ -77,7 +77,7 @@ pub fn run<P: Probe>(
                     hash.update(some.as_flattened());
                     hash.update(positions.get(..3 * dims.vertex_count).unwrap_or_default());
                     hash.update(normals.get(..3 * dims.vertex_count).unwrap_or_default());
-                    if dims.packed.tangent_block_count > 0 {
+                    if dims.shapes.tangent_block_count > 0 {
                         hash.update(tangents.get(..4 * dims.vertex_count).unwrap_or_default());
                     }
                 }

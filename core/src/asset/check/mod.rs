@@ -7,12 +7,14 @@ mod levels;
 mod mesh;
 mod morphs;
 mod packed;
+mod shapes;
 mod skeleton;
 
 use super::bounds::RestBounds;
 use super::levels::Levels;
 use super::packed::Packed;
 use super::sections::{Sections, check_header, check_sum};
+use super::shapes::Shapes;
 use super::{Asset, AssetError, SectionKind, Triangles};
 
 /// Header, then section table, then contents; nothing is read before what it depends on is proved.
@@ -34,10 +36,11 @@ fn contents(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     skeleton::check(&asset)?;
     mesh::check(&asset)?;
     blocks::check(&asset)?;
-    packed::check(&asset)?;
+    shapes::check(&asset)?;
     morphs::check(&asset)?;
     bounds::check(&asset)?;
     clips::check(&asset)?;
+    packed::check(&asset)?;
     Ok(asset)
 }
 
@@ -73,9 +76,14 @@ pub(super) fn views(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         tracks: sections.view(SectionKind::Tracks)?,
         key_times: sections.view(SectionKind::KeyTimes)?,
         key_values: sections.view(SectionKind::KeyValues)?,
+        packed: Packed {
+            tracks: sections.view(SectionKind::PackedTracks)?,
+            frames: sections.view(SectionKind::PackedFrames)?,
+            values: sections.view(SectionKind::PackedValues)?,
+        },
         joint_names: sections.view(SectionKind::JointNames)?,
         names: sections.view(SectionKind::Names)?,
-        packed: Packed {
+        shapes: Shapes {
             boxes: sections.view(SectionKind::PackedBoxes)?,
             positions: sections.view(SectionKind::PackedPositions)?,
             normals: sections.view(SectionKind::PackedNormals)?,

@@ -1,31 +1,84 @@
-//! Packed shapes and tangents.
+//! Compressed tracks.
 
-use super::numbers;
-use crate::asset::{Asset, AssetError, LANES, LARGEST, SectionKind};
+use super::{below, numbers};
+use crate::asset::packed::decode;
+use crate::asset::{Asset, AssetError, Channel, LARGEST, SectionKind, unpack_rotation};
 
 pub(super) fn check(asset: &Asset<'_>) -> Result<(), AssetError> {
-    let packed = &asset.packed;
-    let section = SectionKind::PackedBoxes;
-    let corners = packed.boxes.as_flattened().iter().copied();
-    numbers(section, corners, LARGEST)?;
-    for (block, &[ox, oy, oz, sx, sy, sz]) in packed.boxes.iter().enumerate() {
-        for (axis, (origin, step)) in [(ox, sx), (oy, sy), (oz, sz)].into_iter().enumerate() {
-            let far = origin + step * f32::from(u16::MAX);
-            if step < 0.0 || !(-LARGEST..=LARGEST).contains(&far) {
-                let at = 6 * block + 3 + axis;
-                return Err(AssetError::Number { section, at });
+    let section = SectionKind::PackedTracks;
+    let mut first_track = 0;
+    for (row, &[.., period, first, count]) in asset.clips.iter().enumerate() {
+        if first as usize != first_track || count > 0 && f32::from_bits(period) <= 0.0 {
+            return Err(AssetError::Index {
+                section: SectionKind::Clips,
+                row,
+                value: first as usize,
+                limit: first_track,
+            });
+        }
+        first_track = first_track.saturating_add(count as usize);
+    }
+    if first_track != asset.dims.packed.track_count {
+        return Err(AssetError::Index {
+            section: SectionKind::Clips,
+            row: asset.dims.clip_count,
+            value: first_track,
+            limit: asset.dims.packed.track_count,
+        });
+    }
+    // Frames and values are used up in order, so that no byte is left unaccounted for.
+    let (mut next_frame, mut next_value) = (0, 0);
+    for (row, words) in asset.packed.tracks.iter().enumerate() {
+        let outside = |value: u32, limit: usize| AssetError::Index {
+            section,
+            row,
+            value: value as usize,
+            limit,
+        };
+        let Some(track) = decode(words, &asset.packed).filter(|t| !t.frames.is_empty()) else {
+            return Err(outside(words[1], asset.dims.packed.frame_count));
+        };
+        below(section, row, track.joint, asset.dims.joint_count)?;
+        if words[1] as usize != next_frame {
+            return Err(outside(words[1], next_frame));
+        }
+        if words[3] as usize != next_value {
+            return Err(outside(words[3], next_value));
+        }
+        next_frame += track.frames.len();
+        next_value += 3 * track.values.len();
+        let ascending = track.frames.windows(2).all(|pair| pair[0] < pair[1]);
+        if !ascending {
+            return Err(AssetError::Number {
+                section: SectionKind::PackedFrames,
+                at: row,
+            });
+        }
+        let values = SectionKind::PackedValues;
+        if track.channel == Channel::Rotation {
+            // Three components of a unit quaternion; the third word has a bit to spare.
+            let sound = track.values.iter().all(|&words| {
+                let [x, y, z, w] = unpack_rotation(words);
+                words[2] < 0x8000 && x * x + y * y + z * z + w * w < 1.001
+            });
+            if !sound {
+                return Err(AssetError::Number {
+                    section: values,
+                    at: row,
+                });
             }
+        } else {
+            next_value += 12;
+            numbers(values, track.range, LARGEST / 2.0)?;
         }
     }
-    directions(SectionKind::PackedNormals, packed.normals)?;
-    directions(SectionKind::Tangents, packed.tangents)
-}
-
-/// The most negative number has no opposite.
-fn directions(section: SectionKind, blocks: &[[[i16; LANES]; 2]]) -> Result<(), AssetError> {
-    let numbers = blocks.as_flattened().as_flattened();
-    match numbers.iter().position(|&number| number == i16::MIN) {
-        Some(at) => Err(AssetError::Number { section, at }),
-        None => Ok(()),
+    if next_frame != asset.dims.packed.frame_count || next_value != asset.dims.packed.value_count {
+        return Err(AssetError::Index {
+            section,
+            row: asset.dims.packed.track_count,
+            value: next_value,
+            limit: asset.dims.packed.value_count,
+        });
     }
+    Ok(())
 }

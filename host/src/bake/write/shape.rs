@@ -26,7 +26,7 @@ pub struct Level {
 
 impl Writer {
     pub(super) fn packed(&mut self, packed: &Packed) {
-        self.dims.packed.block_count = packed.boxes.len();
+        self.dims.shapes.block_count = packed.boxes.len();
         self.put(SectionKind::PackedBoxes, packed.boxes.as_flattened());
         let positions = packed.positions.as_flattened().as_flattened();
         self.put(SectionKind::PackedPositions, positions);
@@ -36,7 +36,7 @@ impl Writer {
 
     pub(super) fn tangents(&mut self, mesh: &Mesh, blocks: &Blocks) {
         if let Some(tangents) = quantise::tangents(mesh, blocks) {
-            self.dims.packed.tangent_block_count = tangents.signs.len();
+            self.dims.shapes.tangent_block_count = tangents.signs.len();
             let numbers = tangents.directions.as_flattened().as_flattened();
             self.put(SectionKind::Tangents, numbers);
             self.put(SectionKind::TangentSigns, &tangents.signs);
@@ -88,11 +88,7 @@ impl Writer {
                 packed: level.packed.as_ref(),
             };
             writer.surface(&surface)?;
-            let none = SparseClips {
-                clips: Vec::new(),
-                source_keys: 0,
-            };
-            writer.clips(&none, &level.avatar.mesh.morphs)?;
+            writer.clips(&SparseClips::default(), &level.avatar.mesh.morphs)?;
             writer.dims.level.source_count = level.source.len();
             writer.put(SectionKind::LevelSources, &level.source);
             let Dims {
