@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::{SectionKind, VERSION};
+use crate::deform::parts::PartsError;
 
 /// Bytes that are not a usable asset. Each case carries the facts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,6 +114,8 @@ pub enum AssetError {
         /// Row of the level table.
         row: usize,
     },
+    /// Tables of a marker-driven skin that are not sound.
+    MarkerSkin(PartsError),
     /// A name that is not UTF-8.
     Name {
         /// The section that refers to it.
@@ -212,6 +215,7 @@ impl fmt::Display for AssetError {
                 f,
                 "coarser level {row} has another skeleton, other names or counts, or clips"
             ),
+            Self::MarkerSkin(error) => write!(f, "marker-driven skin: {error}"),
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;
         write!(f, "; {}", self.hint())

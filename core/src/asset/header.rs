@@ -3,6 +3,7 @@
 use super::PackedDims;
 use super::bounds::BoundsDims;
 use super::levels::LevelDims;
+use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
 use super::shapes::ShapeDims;
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
@@ -97,6 +98,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// The skin that markers drive.
+    pub marker_skin: MarkerSkinDims,
     /// Compressed tracks.
     pub packed: PackedDims,
 }
@@ -170,6 +173,7 @@ impl Dims {
                 bytes: count(bytes, 26),
                 source_count: count(bytes, 27),
             },
+            marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
         }
     }
@@ -211,6 +215,12 @@ impl Dims {
         let mut at = 0;
         while at < counts.len() {
             words[at] = counts[at];
+            at += 1;
+        }
+        let (first, group) = self.marker_skin.words();
+        let mut at = 0;
+        while at < MARKER_SKIN_WORDS {
+            words[first + at] = group[at];
             at += 1;
         }
         let packed = self.packed.to_words();

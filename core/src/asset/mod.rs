@@ -13,6 +13,7 @@ mod header;
 mod include;
 mod kind;
 mod levels;
+mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
@@ -32,6 +33,7 @@ pub use include::Aligned;
 pub use kind::SectionKind;
 pub use levels::LevelDims;
 pub(crate) use levels::Levels;
+pub use marker_skin::{MarkerMode, MarkerSkin, MarkerSkinDims};
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
 pub use packed::{PackedDims, PackedTrack, unpack_rotation};
@@ -74,6 +76,8 @@ pub struct Asset<'a> {
     pub(crate) shapes: Shapes<'a>,
     pub(crate) rest_bounds: RestBounds<'a>,
     levels: Levels<'a>,
+    marker_skin: Option<MarkerSkin<'a>>,
+    marker_names: &'a [[u32; 2]],
 }
 
 /// Blocks with the same number of slots.

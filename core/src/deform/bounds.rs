@@ -43,7 +43,7 @@ const ROUNDING: f32 = 1e-6;
 /// (For two binds a vertex moves on an arc whose chord that is; for more this was tested, not
 /// proved.) O(binds + pairs)
 #[must_use]
-pub fn bounds(asset: &Asset<'_>, palette: &[Affine12], mode: SkinMode) -> Option<Bounds> {
+pub fn posed_bounds(asset: &Asset<'_>, palette: &[Affine12], mode: SkinMode) -> Option<Bounds> {
     let rest = &asset.rest_bounds;
     let mut all = Bounds::NONE;
     for (matrix, corners) in palette.iter().zip(rest.boxes) {

@@ -4,6 +4,7 @@
 //! vector register is a vertex, so no sum ever crosses lanes and every register width gives the
 //! same bits.
 
+mod blocks;
 mod bounds;
 mod dual;
 mod job;
@@ -13,6 +14,7 @@ mod linear;
 mod morph;
 mod octahedral;
 mod output;
+pub mod parts;
 mod plain;
 mod rest;
 mod rigid;
@@ -23,7 +25,7 @@ mod transpose;
 mod vertices;
 
 pub use crate::Level;
-pub use bounds::{Bounds, bounds};
+pub use bounds::{Bounds, posed_bounds};
 pub use job::{NormalMode, SkinJob, SkinMode, skin_blocks};
 pub use output::{Attribute, Output, SizeError, VertexOrder};
 pub use plain::{PlainMesh, skin_plain};

@@ -22,7 +22,7 @@ impl<'m, 'a> Morphs<'m, 'a> {
     /// Adds the offsets of a block; normals are at unit length again where something was added,
     /// and made so before where they were not.
     #[inline(always)]
-    pub fn add<L: Lanes>(
+    pub fn add_to<L: Lanes>(
         &self,
         token: L::Token,
         block: usize,

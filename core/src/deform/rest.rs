@@ -83,7 +83,7 @@ impl RestShape<'_, '_> {
             room.normals = *self.asset.normals.get(block).unwrap_or(&ORIGIN);
         }
         if let Some(morphs) = &self.morphs {
-            morphs.add::<L>(token, block, room, self.has_unit_normals());
+            morphs.add_to::<L>(token, block, room, self.has_unit_normals());
         }
     }
 

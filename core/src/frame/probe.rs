@@ -1,15 +1,15 @@
 //! Questions about a posed avatar that need no whole frame.
 
 use super::Avatar;
-use crate::deform::{Bounds, SizeError, bounds};
+use crate::deform::{Bounds, SizeError, posed_bounds};
 
 impl Avatar<'_, '_> {
     /// A box that holds every vertex of the pose of the last step, reached by the budget or not;
     /// `None` before a step, or where the asset holds no boxes. Model space, metres; see
-    /// [`bounds`]. O(binds)
+    /// [`posed_bounds`]. O(binds)
     #[must_use]
     pub fn bounds(&self) -> Option<Bounds> {
-        bounds(self.asset, self.palette, self.mode)
+        posed_bounds(self.asset, self.palette, self.mode)
     }
 
     /// Single vertices in the pose of the last step: what a ray cast hits, what a prop hangs on.

@@ -144,6 +144,18 @@ impl AssetBytes {
 /// # Errors
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
+    bake_with(avatar, options, None)
+}
+
+/// [`bake`] with a skin that markers drive beside the skeleton's.
+///
+/// # Errors
+/// As [`bake`].
+pub fn bake_with(
+    avatar: &Avatar,
+    options: &BakeOptions,
+    marker_skin: Option<&write::MarkerSkinData>,
+) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
     let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
     let find_centres =
@@ -190,6 +202,7 @@ pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> 
         packed: packed.as_ref(),
         bounds: Some(&bounds),
         levels: &levels,
+        marker_skin,
     };
     let bytes = write::write(avatar, &blocks, &clips, &extras)?;
     let bytes = AssetBytes::new(&bytes);

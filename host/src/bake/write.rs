@@ -1,8 +1,11 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
 mod clips;
+mod marker_skin;
 mod morphs;
 mod shape;
+
+pub use marker_skin::MarkerSkinData;
 
 use std::collections::HashMap;
 
@@ -26,6 +29,8 @@ pub use shape::Level;
 pub struct Extras<'e> {
     /// `[vertices]`: centres of rotation, for the mode of that name.
     pub centres: Option<&'e [DVec3]>,
+    /// A skin that markers drive.
+    pub marker_skin: Option<&'e MarkerSkinData>,
     /// Positions and normals in 16-bit numbers instead of 32-bit ones.
     pub packed: Option<&'e Packed>,
     /// Boxes at rest.
@@ -63,6 +68,9 @@ pub fn write(
         writer.bounds(bounds)?;
     }
     writer.clips(clips, &avatar.mesh.morphs)?;
+    if let Some(skin) = extras.marker_skin {
+        writer.marker_skin(skin)?;
+    }
     writer.levels(extras.levels)?;
     writer.finish()
 }

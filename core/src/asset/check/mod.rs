@@ -4,6 +4,7 @@ mod blocks;
 mod bounds;
 mod clips;
 mod levels;
+mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
@@ -32,7 +33,8 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
 fn contents(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     check_header(bytes)?;
     check_sum(bytes)?;
-    let asset = views(bytes)?;
+    let sections = Sections::find(bytes)?;
+    let mut asset = all_views(&sections)?;
     skeleton::check(&asset)?;
     mesh::check(&asset)?;
     blocks::check(&asset)?;
@@ -41,12 +43,16 @@ fn contents(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     bounds::check(&asset)?;
     clips::check(&asset)?;
     packed::check(&asset)?;
+    asset.marker_skin = marker_skin::check(&asset, &sections)?;
     Ok(asset)
 }
 
 /// Views into bytes whose header and checksum are sound; contents are not looked at.
 pub(super) fn views(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
-    let sections = Sections::find(bytes)?;
+    all_views(&Sections::find(bytes)?)
+}
+
+fn all_views<'a>(sections: &Sections<'a>) -> Result<Asset<'a>, AssetError> {
     let dims = sections.dims;
     Ok(Asset {
         dims,
@@ -100,6 +106,8 @@ pub(super) fn views(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
             data: sections.view(SectionKind::LevelData)?,
             sources: sections.view(SectionKind::LevelSources)?,
         },
+        marker_skin: None,
+        marker_names: sections.view(SectionKind::MarkerNames)?,
     })
 }
 
