@@ -66,7 +66,7 @@ impl<'a> Film<'a> {
         let order = asset.source_order();
         let triangles = asset.triangles().iter();
         let triangles = triangles.map(|t| t.map(|at| order[at as usize])).collect();
-        let mut first = player.clone();
+        let mut first = player.fresh();
         let boxes: Vec<Bounds> = frame_times(motion.duration(), PATH_RATE)
             .into_iter()
             .map(|seconds| {
@@ -153,7 +153,7 @@ impl<'a> Film<'a> {
     }
 
     fn draw(&self, times: &[f64], mut progress: impl FnMut(usize)) -> Vec<Image> {
-        let mut player = self.player.clone();
+        let mut player = self.player.fresh();
         let draw = |(done, &seconds): (usize, &f64)| {
             self.motion.step(&mut player, seconds);
             let scene = Scene {

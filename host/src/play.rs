@@ -13,7 +13,7 @@ use crate::model::{Clip, Skeleton};
 use crate::reference;
 
 /// One avatar with its memory and its output, in the source mesh's vertex order.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Player<'a> {
     asset: Asset<'a>,
     level: Level,
@@ -47,6 +47,17 @@ impl<'a> Player<'a> {
             normals: vec![[0.0; 3]; dims.vertex_count],
             tangents: vec![[0.0; 4]; tangent_count],
             markers: None,
+        }
+    }
+
+    /// Another that plays the same in the same way, from the start.
+    #[must_use]
+    pub fn fresh(&self) -> Self {
+        Self {
+            level: self.level,
+            mode: self.mode,
+            normal_mode: self.normal_mode,
+            ..Self::new(self.asset)
         }
     }
 

@@ -59,11 +59,11 @@ pub(super) trait Lanes: Copy {
     fn mul(self, other: Self) -> Self;
     fn div(self, other: Self) -> Self;
     /// The larger; either where they are equal, so the sign of a zero is not known.
-    fn max(self, other: Self) -> Self;
+    fn larger(self, other: Self) -> Self;
     /// The smaller, likewise.
-    fn min(self, other: Self) -> Self;
+    fn smaller(self, other: Self) -> Self;
     /// The magnitude.
-    fn abs(self) -> Self;
+    fn magnitude(self) -> Self;
     /// The magnitude of `self` with the sign of `of`.
     fn with_sign(self, of: Self) -> Self;
     /// First guess of [`Self::rough_inverse_sqrt`].
@@ -167,16 +167,16 @@ impl Lanes for f32 {
         self / other
     }
     #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self::max(self, other)
+    fn larger(self, other: Self) -> Self {
+        self.max(other)
     }
     #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self::min(self, other)
+    fn smaller(self, other: Self) -> Self {
+        self.min(other)
     }
     #[inline(always)]
-    fn abs(self) -> Self {
-        Self::abs(self)
+    fn magnitude(self) -> Self {
+        self.abs()
     }
     #[inline(always)]
     fn with_sign(self, of: Self) -> Self {
@@ -274,17 +274,17 @@ impl Lanes for [f32; 2] {
         [a / c, b / d]
     }
     #[inline(always)]
-    fn max(self, [c, d]: Self) -> Self {
+    fn larger(self, [c, d]: Self) -> Self {
         let [a, b] = self;
         [a.max(c), b.max(d)]
     }
     #[inline(always)]
-    fn min(self, [c, d]: Self) -> Self {
+    fn smaller(self, [c, d]: Self) -> Self {
         let [a, b] = self;
         [a.min(c), b.min(d)]
     }
     #[inline(always)]
-    fn abs(self) -> Self {
+    fn magnitude(self) -> Self {
         let [a, b] = self;
         [a.abs(), b.abs()]
     }
@@ -387,15 +387,15 @@ macro_rules! simd_lanes {
                 self / other
             }
             #[inline(always)]
-            fn max(self, other: Self) -> Self {
+            fn larger(self, other: Self) -> Self {
                 fearless_simd::SimdBase::max(self, other)
             }
             #[inline(always)]
-            fn min(self, other: Self) -> Self {
+            fn smaller(self, other: Self) -> Self {
                 fearless_simd::SimdBase::min(self, other)
             }
             #[inline(always)]
-            fn abs(self) -> Self {
+            fn magnitude(self) -> Self {
                 fearless_simd::SimdBase::abs(self)
             }
             #[inline(always)]

@@ -20,12 +20,16 @@ pub(super) fn unpack<L: Lanes>(
         L::load_signed(token, x, first),
         L::load_signed(token, y, first),
     );
-    let z = L::splat(token, ONE).sub(x.abs()).sub(y.abs());
+    let z = L::splat(token, ONE).sub(x.magnitude()).sub(y.magnitude());
     // How far beyond the edge of the upper half, never more than either number: so a number
     // between these two limits is that far with its own sign.
-    let low = z.min(L::splat(token, 0.0));
+    let low = z.smaller(L::splat(token, 0.0));
     let high = L::splat(token, 0.0).sub(low);
-    [x.sub(x.min(high).max(low)), y.sub(y.min(high).max(low)), z]
+    [
+        x.sub(x.smaller(high).larger(low)),
+        y.sub(y.smaller(high).larger(low)),
+        z,
+    ]
 }
 
 #[cfg(test)]
