@@ -8,6 +8,7 @@ pub mod laplacian;
 pub mod morph;
 pub mod parts;
 pub mod pose;
+pub mod rope;
 pub mod skin;
 mod unpack;
 
