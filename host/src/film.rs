@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
+use sinew_core::asset::Asset;
 
 use crate::export::ExportError;
 use crate::export::gif::write_gif;
@@ -61,7 +62,13 @@ const PATH_RATE: f64 = 10.0;
 impl<'a> Film<'a> {
     /// Plays the motion once to place the camera. O(frames x vertices)
     #[must_use]
-    pub fn new(player: Player<'a>, motion: &'a Motion, shot: Shot) -> Self {
+    pub fn new(asset: Asset<'a>, motion: &'a Motion, shot: Shot) -> Self {
+        Self::of(Player::new(asset), motion, shot)
+    }
+
+    /// The same of a player in a mode of its own.
+    #[must_use]
+    pub fn of(player: Player<'a>, motion: &'a Motion, shot: Shot) -> Self {
         let asset = *player.asset();
         let order = asset.source_order();
         let triangles = asset.triangles().iter();

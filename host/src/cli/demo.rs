@@ -17,7 +17,7 @@ use crate::film::{Film, Shot};
 use crate::import::gltf::read_gltf;
 use crate::import::read_bvh;
 use crate::model::{Avatar, Motion};
-use crate::play::{Motion as Shown, Player};
+use crate::play::Motion as Shown;
 use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
@@ -71,7 +71,7 @@ impl Demo {
             (&walk, Some("walk.gif"), "walk.png"),
             (&kneel, None, "kneel.png"),
         ] {
-            let film = Film::new(Player::new(asset), motion, Shot::default());
+            let film = Film::new(asset, motion, Shot::default());
             if let Some(gif) = gif {
                 let bar = say.progress("drawing", film.frame_count());
                 film.write_gif(&path(gif), |done| bar.set_position(done as u64))?;

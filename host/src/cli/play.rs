@@ -135,7 +135,7 @@ impl Play {
                     rate,
                     ..Shot::default()
                 };
-                let film = Film::new(player, &motion, shot);
+                let film = Film::of(player, &motion, shot);
                 let bar = say.progress("drawing", film.frame_count());
                 let count = if ending == "gif" {
                     film.write_gif(&self.output, |done| bar.set_position(done as u64))?
