@@ -38,7 +38,11 @@ pub fn all() -> Vec<Case> {
     let arm = golden("arm.sinew");
     let case = |stage, name, asset| Case { stage, name, asset };
     vec![
+        // The rope stage reads no asset.
+        case("rope", "twenty", arm.clone()),
         case("skin", "arm", arm),
         case("skin", "human", human::asset()),
+        case("skin", "human_2k", human::small_asset()),
+        case("modes", "human_2k", human::small_asset_of_every_mode()),
     ]
 }

@@ -110,6 +110,11 @@ pub enum AssetError {
         /// What they sum to.
         sum: u32,
     },
+    /// A coarser level that does not fit the asset it is in.
+    Level {
+        /// Row of the level table.
+        row: usize,
+    },
     /// Tables of a marker-driven skin that are not sound.
     MarkerSkin(PartsError),
     /// A name that is not UTF-8.
@@ -210,6 +215,10 @@ impl fmt::Display for AssetError {
                 )
             }
             Self::Laplacian(error) => write!(f, "the Laplacian surface: {error}"),
+            Self::Level { row } => write!(
+                f,
+                "coarser level {row} has another skeleton, other names or counts, or clips"
+            ),
             Self::MarkerSkin(error) => write!(f, "marker-driven skin: {error}"),
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;

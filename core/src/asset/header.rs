@@ -1,8 +1,11 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
 use super::PackedDims;
+use super::bounds::BoundsDims;
 use super::laplacian::LaplacianDims;
+use super::levels::LevelDims;
 use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
+use super::shapes::ShapeDims;
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
@@ -72,6 +75,12 @@ pub struct Dims {
     pub morph_row_count: usize,
     /// Rows that move normals too: all or none.
     pub morph_normal_count: usize,
+    /// What is stored in 16-bit numbers.
+    pub shapes: ShapeDims,
+    /// Boxes at rest.
+    pub bounds: BoundsDims,
+    /// Coarser levels.
+    pub level: LevelDims,
     /// Triangles of the mesh.
     pub triangle_count: usize,
     /// Bytes of a vertex index, 2 or 4.
@@ -157,6 +166,19 @@ impl Dims {
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
             laplacian: LaplacianDims::from_words(counts(bytes, LAPLACIAN)),
+            shapes: ShapeDims {
+                block_count: count(bytes, 21),
+                tangent_block_count: count(bytes, 22),
+            },
+            bounds: BoundsDims {
+                box_count: count(bytes, 23),
+                pair_count: count(bytes, 24),
+            },
+            level: LevelDims {
+                count: count(bytes, 25),
+                bytes: count(bytes, 26),
+                source_count: count(bytes, 27),
+            },
             marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
         }
@@ -187,6 +209,13 @@ impl Dims {
             self.morph_count,
             self.morph_row_count,
             self.morph_normal_count,
+            self.shapes.block_count,
+            self.shapes.tangent_block_count,
+            self.bounds.box_count,
+            self.bounds.pair_count,
+            self.level.count,
+            self.level.bytes,
+            self.level.source_count,
         ];
         let mut words = [0; DIMS_WORDS];
         let mut at = 0;

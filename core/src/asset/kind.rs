@@ -39,6 +39,28 @@ pub enum SectionKind {
     MorphOffsets = u32::from_le_bytes(*b"MOFF"),
     /// `f32 [rows x 3 x 8]`, or empty: offsets of normals.
     MorphNormals = u32::from_le_bytes(*b"MNRM"),
+    /// `f32 [packed blocks x 6]`: origin and step of each block's box.
+    PackedBoxes = u32::from_le_bytes(*b"QBOX"),
+    /// `u16 [packed blocks x 3 x 8]`: positions in steps from the origin, instead of `VPOS`.
+    PackedPositions = u32::from_le_bytes(*b"QPOS"),
+    /// `i16 [packed blocks x 2 x 8]`: octahedral normals, instead of `VNRM`.
+    PackedNormals = u32::from_le_bytes(*b"QNRM"),
+    /// `i16 [tangent blocks x 2 x 8]`: octahedral tangents.
+    Tangents = u32::from_le_bytes(*b"QTAN"),
+    /// `u8 [tangent blocks]`: a bit for each lane, set where the handedness is negative.
+    TangentSigns = u32::from_le_bytes(*b"QTSG"),
+    /// `f32 [boxes x 6]`: low and high corner of what each bind moves, at rest.
+    BindBoxes = u32::from_le_bytes(*b"BBOX"),
+    /// `u16 [pairs x 2]`: binds that move a vertex together.
+    BindPairs = u32::from_le_bytes(*b"BPAR"),
+    /// `f32 [pairs x 6]`: low and high corner of what both move, at rest.
+    PairBoxes = u32::from_le_bytes(*b"BPBX"),
+    /// `u32 [levels x 4]`: offset and bytes in `LDAT`, vertices, blocks.
+    Levels = u32::from_le_bytes(*b"LEVL"),
+    /// `u8 [level bytes]`: coarser levels, each an asset.
+    LevelData = u32::from_le_bytes(*b"LDAT"),
+    /// `u32 [level sources]`: of a coarser level, the vertex of the finest that each vertex is.
+    LevelSources = u32::from_le_bytes(*b"LSRC"),
     /// `u32 [vertices]`: index in the source mesh of each vertex in block order.
     Order = u32::from_le_bytes(*b"VORD"),
     /// `u16` or `u32 [triangles x 3]`: vertex indices in block order.
@@ -169,7 +191,7 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 79] = [
+    pub const ALL: [Self; 90] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -186,6 +208,17 @@ impl SectionKind {
         Self::MorphIds,
         Self::MorphOffsets,
         Self::MorphNormals,
+        Self::PackedBoxes,
+        Self::PackedPositions,
+        Self::PackedNormals,
+        Self::Tangents,
+        Self::TangentSigns,
+        Self::BindBoxes,
+        Self::BindPairs,
+        Self::PairBoxes,
+        Self::Levels,
+        Self::LevelData,
+        Self::LevelSources,
         Self::Order,
         Self::Triangles,
         Self::Parts,
@@ -273,6 +306,18 @@ impl SectionKind {
             Self::Runs => dims.run_count.checked_mul(16),
             Self::SlotBinds => dims.slot_count.checked_mul(2),
             Self::SlotWeights => dims.slot_count.checked_mul(16),
+            Self::PackedBoxes => dims.shapes.block_count.checked_mul(24),
+            Self::PackedPositions => dims.shapes.block_count.checked_mul(48),
+            Self::PackedNormals => dims.shapes.block_count.checked_mul(32),
+            Self::Tangents => dims.shapes.tangent_block_count.checked_mul(32),
+            Self::TangentSigns => Some(dims.shapes.tangent_block_count),
+            Self::BindBoxes => dims.bounds.box_count.checked_mul(24),
+            Self::BindPairs => dims.bounds.pair_count.checked_mul(4),
+            Self::PairBoxes => dims.bounds.pair_count.checked_mul(24),
+            Self::Levels => dims.level.count.checked_mul(16),
+            Self::LevelData => Some(dims.level.bytes),
+            Self::LevelSources => dims.level.source_count.checked_mul(4),
+            Self::Positions | Self::Normals if dims.shapes.block_count > 0 => Some(0),
             Self::Positions | Self::Normals => dims.block_count.checked_mul(96),
             Self::Order => dims.vertex_count.checked_mul(4),
             Self::Triangles => match dims.triangle_count.checked_mul(3) {

@@ -3,7 +3,7 @@
 use core::borrow::BorrowMut;
 use core::ops::Range;
 
-use super::buffers::{Kept, Progress, dual_len, dual_parts};
+use super::buffers::{Kept, Progress, dual_len, dual_parts, duals_of};
 use super::{Budget, Flags, FrameReport, State, Workspace, any_mode_workspace_len};
 use crate::asset::Asset;
 use crate::deform::{Level, NormalMode, Output, SizeError, SkinJob, SkinMode};
@@ -66,11 +66,13 @@ pub struct Avatar<'r, 'a> {
     /// What a surface that follows markers remembers.
     pub(super) turns: &'r mut [f32],
     pub(super) model: &'r mut [Joint12],
-    palette: &'r mut [Joint12],
+    pub(super) palette: &'r mut [Joint12],
     /// What the workspace has besides.
     pub(super) spare: &'r mut [f32],
+    /// Whether some bind has a stretch; only known in modes other than linear.
+    stretched: bool,
     pub(super) level: Level,
-    mode: SkinMode,
+    pub(super) mode: SkinMode,
     normals: NormalMode,
 }
 
@@ -108,6 +110,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             model: scratch.model,
             palette: scratch.palette,
             spare: scratch.rest,
+            stretched: false,
             level: Level::best(),
             mode: SkinMode::Linear,
             normals: NormalMode::Fast,
@@ -163,13 +166,18 @@ impl<'r, 'a> Avatar<'r, 'a> {
         if pose::to_model(self.asset, self.local, self.model) > 0 {
             report.flags |= Flags::OVERFLOW;
         }
-        match self.asset.laplacian() {
-            Some(surface) => self.follow(&surface, budget, output, &mut report),
-            None => {
-                pose::palette(self.asset, self.model, self.palette);
-                self.skin(budget, output, &mut report);
-            }
+        if let Some(surface) = self.asset.laplacian() {
+            self.follow(&surface, budget, output, &mut report);
+            return report;
         }
+        pose::palette(self.asset, self.model, self.palette);
+        if self.mode != SkinMode::Linear
+            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
+        {
+            pose::rotations(self.asset, self.local, rotations);
+            self.stretched = pose::duals(self.asset, self.palette, rotations, duals);
+        }
+        self.skin(budget, output, &mut report);
         report
     }
 
@@ -236,26 +244,26 @@ impl<'r, 'a> Avatar<'r, 'a> {
         }
     }
 
+    /// What moves vertices after the last step.
+    pub(super) fn job(&self) -> SkinJob<'_> {
+        SkinJob {
+            palette: self.palette,
+            duals: duals_of(self.asset.dims(), self.spare),
+            stretched: self.stretched,
+            mode: self.mode,
+            normals: self.normals,
+            morph_weights: self.weights,
+            level: self.level,
+        }
+    }
+
     /// Continues at the block where the frame before stopped, so that under a steady budget every
     /// block is brought up to date in turn.
     fn skin(&mut self, budget: Budget, output: &mut Output<'_>, report: &mut FrameReport) {
         let Some([first, second]) = self.due(budget, output, report) else {
             return;
         };
-        let mut job = SkinJob {
-            mode: self.mode,
-            normals: self.normals,
-            level: self.level,
-            morph_weights: self.weights,
-            ..SkinJob::linear(self.palette)
-        };
-        if self.mode != SkinMode::Linear
-            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
-        {
-            pose::rotations(self.asset, self.local, rotations);
-            job.stretched = pose::duals(self.asset, self.palette, rotations, duals);
-            job.duals = duals;
-        }
+        let job = self.job();
         job.run(self.asset, first, output);
         job.run(self.asset, second, output);
     }

@@ -1,6 +1,7 @@
 //! What a frame may cost, and what it costs.
 
-use crate::asset::{Dims, LANES};
+use crate::asset::{Asset, Dims, LANES};
+use crate::deform::SkinMode;
 
 /// How much work a frame may do. Counts, never time, so that every machine does the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +38,16 @@ impl Budget {
     }
 }
 
+impl Budget {
+    /// The finest level of detail that is brought up to date whole in every frame; the coarsest
+    /// where none is. O(levels)
+    #[must_use]
+    pub fn level<'a>(self, asset: &Asset<'a>) -> Asset<'a> {
+        let level = asset.level(asset.level_within(self.blocks));
+        level.unwrap_or(*asset)
+    }
+}
+
 impl Default for Budget {
     fn default() -> Self {
         Self::UNLIMITED
@@ -58,6 +69,14 @@ pub struct Cost {
 }
 
 impl Cost {
+    /// No work.
+    pub const NONE: Self = Self {
+        mul_adds: 0,
+        divisions: 0,
+        bytes_read: 0,
+        bytes_written: 0,
+    };
+
     /// Both together.
     #[must_use]
     pub const fn plus(self, other: Self) -> Self {
@@ -143,18 +162,63 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
     let slots = dims.slot_count as u64 - (all - blocks);
     // All rows could lie in the blocks that come; each block's normals are then made unit again.
     let (rows, normals) = (dims.morph_row_count as u64, dims.morph_normal_count as u64);
+    let is_packed = dims.shapes.block_count > 0;
+    // Packed numbers: a step each; normals may be needed at unit length before morphs are added.
+    let unpack = if is_packed { 3 + UNIT_LENGTH } else { 0 };
+    let rest_bytes = if is_packed { 24 + 48 + 32 } else { 2 * 96 };
     Cost {
-        mul_adds: blocks * lanes * VERTEX
+        mul_adds: blocks * lanes * (VERTEX + unpack)
             + slots * lanes * SLOT_VERTEX
             + lanes * (3 * rows + (3 + UNIT_LENGTH) * normals),
         divisions: 0,
         bytes_read: 16 * dims.run_count as u64
-            + blocks * (2 * 96 + 4 * lanes)
+            + blocks * (rest_bytes + 4 * lanes)
             + slots * (2 + 2 * lanes)
             + rows * (2 + 96)
             + normals * 96
             + if rows > 0 { 8 * blocks } else { 0 },
         bytes_written: blocks * lanes * 24,
+    }
+}
+
+/// A joint's rotation chained and made unit.
+const CHAINED: u64 = 16 + (4 + 9 + 4);
+/// A bind's rotation, dual part, and stretch.
+const DUAL: u64 = 16 + (4 + 9 + 4) + 3 + 16 + 9 + 27;
+/// Of both other modes the larger: the side of a quaternion, and what it or a centre sums besides
+/// the matrix.
+const SLOT_VERTEX_MORE: u64 = 4 + 4 + 9;
+/// Squared length, rotation after stretch, translation or centre.
+const VERTEX_MORE: u64 = 4 + 3 + 9 + 27 + 15;
+
+/// Bounds what dual quaternions or centres of rotation cost more than [`cost`]; nothing for linear
+/// blending. O(1); usable in a `const`.
+#[must_use]
+pub const fn mode_cost(dims: &Dims, budget: Budget, mode: SkinMode) -> Cost {
+    if matches!(mode, SkinMode::Linear) {
+        return Cost::NONE;
+    }
+    let all = dims.block_count as u64;
+    let blocks = if (budget.blocks as u64) < all {
+        budget.blocks as u64
+    } else {
+        all
+    };
+    let lanes = LANES as u64;
+    let slots = dims.slot_count as u64 - (all - blocks);
+    let (joints, binds) = (dims.joint_count as u64, dims.bind_count as u64);
+    Cost {
+        mul_adds: joints * CHAINED
+            + binds * DUAL
+            + lanes * (slots * SLOT_VERTEX_MORE + blocks * VERTEX_MORE),
+        divisions: blocks * lanes,
+        bytes_read: binds * 16
+            + if dims.centre_block_count > 0 {
+                96 * blocks
+            } else {
+                0
+            },
+        bytes_written: 0,
     }
 }
 

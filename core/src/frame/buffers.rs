@@ -207,6 +207,12 @@ pub(super) fn dual_parts<'b>(
     Some((rotations.as_chunks_mut().0, duals.as_chunks_mut().0))
 }
 
+/// The dual quaternions that [`dual_parts`] filled; none in a workspace without room for them.
+pub(super) fn duals_of<'b>(dims: &Dims, rest: &'b [f32]) -> &'b [Dual17] {
+    let duals = rest.get(dims.joint_count * QUATERNION..);
+    duals.unwrap_or_default().as_chunks().0
+}
+
 fn exactly<'b>(
     numbers: &'b mut [f32],
     needed: usize,

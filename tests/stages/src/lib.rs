@@ -8,6 +8,8 @@
 #![forbid(unsafe_code)]
 
 mod memory;
+pub mod modes;
+pub mod rope;
 pub mod skin;
 
 use core::fmt;
@@ -50,7 +52,11 @@ impl Probe for Unmeasured {
 pub type Run = fn(&[u8], Level, &mut [f32], &mut Unmeasured) -> Result<u64, Fault>;
 
 /// All stages by name.
-pub const ALL: &[(&str, Run)] = &[("skin", skin::run::<Unmeasured>)];
+pub const ALL: &[(&str, Run)] = &[
+    ("modes", modes::run::<Unmeasured>),
+    ("rope", rope::run::<Unmeasured>),
+    ("skin", skin::run::<Unmeasured>),
+];
 
 /// Why a stage did not run.
 #[derive(Clone, Copy, Debug, PartialEq)]
