@@ -255,7 +255,7 @@ fn finish(
         keys: (clips.source_keys, clips.kept_keys()),
         pack_error: None,
         levels: Vec::new(),
-        compression: clips.compression,
+        compression: clips.compression.clone(),
     };
     Ok(Baked { bytes, report })
 }
