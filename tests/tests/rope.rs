@@ -126,7 +126,7 @@ fn unlabelled_points_of_a_motive_take_are_tracked() {
     }
     assert_eq!(other, 0);
     assert!(
-        own * 10 >= 3 * take.frame_count() * 9,
+        own * 10 >= 3 * take.frame_count() * 8,
         "{own} samples of {}",
         3 * take.frame_count()
     );

@@ -44,7 +44,9 @@ fn a_gap_is_repaired_from_both_sides() {
     }
     let points = frames(&capture);
     let live = follow(&points, &FollowOptions::default()).unwrap();
-    let both = both_ways(&points, &[live.clone()]).unwrap().remove(0);
+    let both = both_ways(&points, std::slice::from_ref(&live))
+        .unwrap()
+        .remove(0);
     let fixed = aligned(repair(&both, &RepairOptions::default()), &take.rope);
     let live = aligned(live, &take.rope);
     let mean = |trace: &Trace| {

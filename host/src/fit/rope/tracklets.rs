@@ -198,6 +198,6 @@ impl Segments {
         deviations.sort_unstable_by(f64::total_cmp);
         let decile = deviations[deviations.len() * 9 / 10];
         let middle = deviations[deviations.len() / 2];
-        Some(middle < MEDIAN_LIMIT.max(1.1 * usual) && decile < DECILE_LIMIT.max(2.0 * usual))
+        Some(middle < MEDIAN_LIMIT && decile < DECILE_LIMIT.max(2.0 * usual))
     }
 }
