@@ -164,10 +164,10 @@ mod tests {
             DVec3::new(p.x * width, p.y, p.z * width)
         };
         let mut pose: Vec<DVec3> = rest.iter().map(pinch).collect();
-        let before = losses(&rest, &triangles, &[pose.clone()])[0];
+        let before = losses(&rest, &triangles, std::slice::from_ref(&pose))[0];
         assert!(before > 0.01, "{before}");
         Restorer::new(&rest, &triangles).restore(&mut pose);
-        let after = losses(&rest, &triangles, &[pose.clone()])[0];
+        let after = losses(&rest, &triangles, std::slice::from_ref(&pose))[0];
         assert!(after.abs() < 0.1 * before, "{before} {after}");
         assert!(pose[0].distance(rest[0]) < 2e-3, "the pole was not pinched");
         let mut still = rest.clone();
