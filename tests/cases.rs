@@ -31,13 +31,18 @@ impl Case {
 /// When a bundled file is absent or no longer fits.
 #[must_use]
 pub fn all() -> Vec<Case> {
-    let arm = fs::read(root().join("tests/golden/arm.sinew")).expect("the golden asset");
-    let arm = AssetBytes::new(&arm);
+    let golden = |name| {
+        let bytes = fs::read(root().join("tests/golden").join(name));
+        AssetBytes::new(&bytes.expect("the golden asset"))
+    };
+    let arm = golden("arm.sinew");
     let case = |stage, name, asset| Case { stage, name, asset };
     vec![
         // The rope stage reads no asset.
         case("rope", "twenty", arm.clone()),
         case("skin", "arm", arm),
         case("skin", "human", human::asset()),
+        case("skin", "human_2k", human::small_asset()),
+        case("modes", "human_2k", human::small_asset_of_every_mode()),
     ]
 }

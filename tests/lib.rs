@@ -13,6 +13,7 @@ pub mod gltf_oracle;
 pub mod hidden;
 pub mod human;
 pub mod laplacian;
+pub mod limb;
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the core for WebAssembly, with and without vector instructions, plays the bundled body in
-# Node and compares the hash of its frames with tests/golden/fingerprints.toml.
+# Node, runs every case of tests/cases.rs, and compares the hashes with tests/golden/fingerprints.toml.
 #
 # Exit status: 0 done, 1 something is wrong, 77 skipped for want of a program.
 set -euo pipefail
@@ -17,11 +17,20 @@ rustup target list --installed 2> /dev/null | grep -qx $target ||
 
 asset=$here/target/human.sinew
 bundled "$asset"
-expected=$(sed -n '/^\[skin\.human\]/,/^\[/s/^frames = "\(.*\)"/\1/p' "$root/tests/golden/fingerprints.toml")
+cases=$(cd "$root" && cargo run --release --quiet -p sinew-tests --example cases -- \
+    "$here/target/cases")
+# expected CASE: its committed hash.
+expected() {
+    sed -n "/^\[$1\]/,/^\[/s/^frames = \"\(.*\)\"/\1/p" "$root/tests/golden/fingerprints.toml"
+}
 
 for features in "" +simd128; do
     echo "target features: ${features:-none}"
     (cd "$here" && RUSTFLAGS="-C target-feature=$features" \
         cargo build --release --quiet --locked --target $target)
-    node "$here/run.mjs" "$here/target/$target/release/sinew_web.wasm" "$asset" "$expected"
+    module=$here/target/$target/release/sinew_web.wasm
+    node "$here/run.mjs" "$module" "$asset" "$(expected skin.human)"
+    while read -r case file; do
+        node "$here/run.mjs" "$module" "$file" "$(expected "$case")" "${case%%.*}"
+    done <<< "$cases"
 done

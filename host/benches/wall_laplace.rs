@@ -1,18 +1,21 @@
 //! Wall-clock ratios of marker-driven surfaces: `cargo bench -p sinew-host --bench wall_laplace`.
 //!
 //! Each row times its candidates in turn, round after round, and takes the median of each, so that
-//! what else the machine does hits all alike. Ratios count; times hold for this machine only.
+//! what else the machine does hits all alike. Ratios count; times hold for this machine only. A row
+//! has about twice as many triangles as vertices: 5 k and 15 k are 10 k and 30 k triangles.
 
 use std::hint::black_box;
 use std::time::Instant;
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use sinew_core::Level;
 use sinew_core::asset::Dims;
 use sinew_core::deform::laplacian::{MarkerPose, TurnState, exact_workspace_len, turn_state_len};
-use sinew_core::deform::{Output, PlainMesh, skin_plain};
+use sinew_core::deform::{Output, PlainMesh, SkinJob, skin_plain};
+use sinew_host::bake::{BakeOptions, bake};
 use sinew_host::fit::laplace::graph::Graph;
 use sinew_host::fit::laplace::{CollapseOptions, MarkerTarget, Surface, SurfaceOptions, collapse};
+use sinew_host::model::{Avatar, Bind, Joint, Mesh, Skeleton, Skin, Transform};
 
 const ROUNDS: usize = 15;
 const MARKERS: usize = 50;
@@ -68,6 +71,58 @@ fn targets(surface: &Surface, turn: f64) -> Vec<MarkerTarget> {
         rotation: bend(p),
     };
     rest.iter().map(target).collect()
+}
+
+/// A body whose joints are the markers, each vertex on the eight heaviest.
+fn eight_joints(surface: &Surface, triangles: &[[u32; 3]]) -> Avatar {
+    let rest = surface.marker_rest();
+    let influences = |vertex: usize| {
+        let weights = surface
+            .weights
+            .iter()
+            .map(|weights| weights[vertex].max(1e-6));
+        let mut heaviest: Vec<(u32, f64)> = (0..).zip(weights).collect();
+        heaviest.sort_by(|a, b| b.1.total_cmp(&a.1));
+        heaviest.truncate(8);
+        let sum: f64 = heaviest.iter().map(|pair| pair.1).sum();
+        heaviest
+            .iter()
+            .map(|&(marker, weight)| (marker, weight / sum))
+            .collect()
+    };
+    let joint = |(at, place): (usize, &DVec3)| Joint {
+        name: format!("marker {at}"),
+        parent: None,
+        rest: Transform {
+            translation: *place,
+            ..Transform::IDENTITY
+        },
+    };
+    let bind = |(joint, place): (usize, &DVec3)| Bind {
+        joint,
+        inverse_bind: DAffine3::from_translation(-*place),
+    };
+    let count = surface.positions.len();
+    Avatar {
+        mesh: Mesh {
+            name: String::new(),
+            positions: surface.positions.clone(),
+            normals: vec![DVec3::Y; count],
+            tangents: None,
+            texcoords: None,
+            triangles: triangles.to_vec(),
+            parts: Vec::new(),
+            morphs: Vec::new(),
+        },
+        skeleton: Skeleton {
+            joints: rest.iter().enumerate().map(joint).collect(),
+        },
+        skin: Skin {
+            binds: rest.iter().enumerate().map(bind).collect(),
+            influences: (0..count).map(influences).collect(),
+        },
+        clips: Vec::new(),
+    }
 }
 
 fn row(vertices: usize) {
@@ -133,8 +188,8 @@ fn row(vertices: usize) {
         vertex_count: count,
         ..Dims::default()
     };
-    let mut buffers = [(); 3].map(|()| (vec![0.0; 3 * count], vec![0.0; 3 * count]));
-    let [one, two, three] = &mut buffers;
+    let mut buffers = [(); 4].map(|()| (vec![0.0; 3 * count], vec![0.0; 3 * count]));
+    let [one, two, three, four] = &mut buffers;
     let mut output_one = Output::separate(&dims, &mut one.0, None).expect("fits");
     let mut output_two = Output::separate(&dims, &mut two.0, Some(&mut two.1)).expect("fits");
     let mut output_three = Output::separate(&dims, &mut three.0, Some(&mut three.1)).expect("fits");
@@ -142,7 +197,7 @@ fn row(vertices: usize) {
     let mut workspace = vec![0.0; exact_workspace_len(count)];
     let mut exact_frame = || {
         let output = &mut output_one;
-        let report = exact.step(&poses, &[], 0, level, &mut state, &mut workspace, output);
+        let report = exact.step(&poses, 0, level, &mut state, &mut workspace, output);
         black_box(report.expect("sizes fit"));
     };
     let state_len = turn_state_len(MARKERS, collapsed.virtual_count());
@@ -168,11 +223,26 @@ fn row(vertices: usize) {
     let mesh = PlainMesh::new(&plain_positions, &plain_normals, &binds, &weights, 8);
     let mesh = mesh.expect("lengths fit");
     let mut skinned = || skin_plain(&mesh, black_box(&palette), &mut output_three);
-    let [whole, stream, skinning] = medians([&mut exact_frame, &mut collapsed_frame, &mut skinned]);
+    // The same vertices with the eight heaviest markers of each as joints, baked into blocks.
+    let body = eight_joints(&surface, &triangles);
+    let baked = bake(&body, &BakeOptions::default()).expect("bakes");
+    let asset = baked.bytes.asset().expect("sound");
+    let mut output_four = Output::separate(&dims, &mut four.0, Some(&mut four.1)).expect("fits");
+    let job = SkinJob {
+        level,
+        ..SkinJob::linear(&palette)
+    };
+    let mut blocks = || job.run(&asset, 0..usize::MAX, black_box(&mut output_four));
+    let [whole, stream, skinning, blocks] = medians([
+        &mut exact_frame,
+        &mut collapsed_frame,
+        &mut skinned,
+        &mut blocks,
+    ]);
 
     println!(
         "wall_laplace_{count:<6} factor {:6.2} MB  solve {:6.2} ms  faer / solve {:5.2}  solve / read twice {:5.2}  | \
-         exact frame {:6.2} ms {:6.0} fps  collapsed {:6.3} ms {:6.0} fps  collapsed / plain 8 influences {:4.2}",
+         exact frame {:6.2} ms {:6.0} fps  collapsed {:6.3} ms {:6.0} fps  collapsed / 8 influences: plain {:4.2}, blocks {:4.2}",
         packed.bytes() as f64 / 1e6,
         1e3 * solve,
         faer / solve,
@@ -182,6 +252,7 @@ fn row(vertices: usize) {
         1e3 * stream,
         1.0 / stream,
         stream / skinning,
+        stream / blocks,
     );
 }
 

@@ -5,7 +5,9 @@
 //!
 //! Every figure is a ratio within a round; the rounds are interleaved. `touch` copies positions
 //! and normals once and reads every weight once. `hot` skins one body again and again, `streaming`
-//! goes round so many that none stays in a cache.
+//! goes round so many that none stays in a cache. `packed` reads 16-bit shapes; `morphs` adds eight
+//! targets that move a tenth of the body each, positions and normals; what they may cost is what
+//! they add to the bytes, which is printed.
 
 #[path = "wall_skin/body.rs"]
 mod body;
@@ -15,7 +17,7 @@ mod plain;
 use std::hint::black_box;
 use std::time::Instant;
 
-use body::{Body, subdivided, with_influences};
+use body::{Body, subdivided, with_influences, with_morphs};
 use plain::Plain;
 use sinew_core::asset::{Asset, Dims};
 use sinew_core::deform::{Level, Output, SkinJob, SkinMode, VertexOrder, skin_blocks, skin_plain};
@@ -85,6 +87,23 @@ fn case(name: &str, body: &Body, influences: usize, streaming: bool) {
         dims.slot_count as f64 / dims.block_count as f64,
         dims.rigid_block_count,
         dims.block_count,
+    );
+    let packed_options = BakeOptions {
+        quantised: true,
+        ..BakeOptions::default()
+    };
+    let packed = bake(&body.avatar, &packed_options).expect("bakes").bytes;
+    let packed = vec![packed; copies];
+    let packed: Vec<Asset<'_>> = packed.iter().map(|b| b.asset().expect("sound")).collect();
+    let morphed = bake(&with_morphs(body).avatar, &BakeOptions::default()).expect("bakes");
+    let morph_rows = morphed.report.dims.morph_row_count;
+    let morphed = vec![morphed.bytes; copies];
+    let morphed: Vec<Asset<'_>> = morphed.iter().map(|b| b.asset().expect("sound")).collect();
+    let row_bytes = morph_rows * (2 + 2 * 96);
+    let plain_bytes = dims.block_count * 8 * 48 + dims.slot_count * 18;
+    println!(
+        "  bytes touched: {plain_bytes} without morphs, {:.2} times as many with",
+        (plain_bytes + row_bytes) as f64 / plain_bytes as f64
     );
     let mut contestants: Vec<Contestant<'_>> = Vec::new();
     {
@@ -163,6 +182,25 @@ fn case(name: &str, body: &Body, influences: usize, streaming: bool) {
                     blocks,
                     &mut output.in_order(VertexOrder::Block),
                 );
+            }),
+        ));
+    }
+    for (name, assets, weights) in [
+        ("sinew packed", &packed, [0.0; 8]),
+        ("sinew morphs", &morphed, [0.3; 8]),
+    ] {
+        let (mut positions, mut normals, palette) = (room(), room(), &palette);
+        contestants.push((
+            name,
+            Box::new(move |at| {
+                let output = output(&dims, &mut positions[at], &mut normals[at]);
+                let job = SkinJob {
+                    morph_weights: &weights,
+                    ..SkinJob::linear(palette)
+                };
+                let mut output = output.in_order(VertexOrder::Block);
+                job.run(&assets[at], 0..dims.block_count, &mut output);
+                black_box(&mut output);
             }),
         ));
     }

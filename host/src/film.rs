@@ -43,10 +43,10 @@ const SHEET_PICTURES: usize = 12;
 const SHEET_COLUMNS: usize = 4;
 const SKIN: Rgb = [208, 170, 148];
 
-/// An asset, its motion and a camera that walks beside it.
+/// A player, its motion and a camera that walks beside it.
 #[derive(Debug)]
 pub struct Film<'a> {
-    asset: Asset<'a>,
+    player: Player<'a>,
     motion: &'a Motion,
     shot: Shot,
     triangles: Vec<[u32; 3]>,
@@ -63,15 +63,22 @@ impl<'a> Film<'a> {
     /// Plays the motion once to place the camera. O(frames x vertices)
     #[must_use]
     pub fn new(asset: Asset<'a>, motion: &'a Motion, shot: Shot) -> Self {
+        Self::of(Player::new(asset), motion, shot)
+    }
+
+    /// The same of a player in a mode of its own.
+    #[must_use]
+    pub fn of(player: Player<'a>, motion: &'a Motion, shot: Shot) -> Self {
+        let asset = *player.asset();
         let order = asset.source_order();
         let triangles = asset.triangles().iter();
         let triangles = triangles.map(|t| t.map(|at| order[at as usize])).collect();
-        let mut player = Player::new(asset);
+        let mut first = player.fresh();
         let boxes: Vec<Bounds> = frame_times(motion.duration(), PATH_RATE)
             .into_iter()
             .map(|seconds| {
-                motion.step(&mut player, seconds);
-                Bounds::of(player.positions())
+                motion.step(&mut first, seconds);
+                Bounds::of(first.positions())
             })
             .collect();
         let floor = |at: DVec3| DVec3::new(at.x, 0.0, at.z);
@@ -86,7 +93,7 @@ impl<'a> Film<'a> {
         }
         let camera = Camera::framing(bounds, shot.yaw, shot.pitch, 1.0);
         Self {
-            asset,
+            player,
             motion,
             shot,
             triangles,
@@ -153,7 +160,7 @@ impl<'a> Film<'a> {
     }
 
     fn draw(&self, times: &[f64], mut progress: impl FnMut(usize)) -> Vec<Image> {
-        let mut player = Player::new(self.asset);
+        let mut player = self.player.fresh();
         let draw = |(done, &seconds): (usize, &f64)| {
             self.motion.step(&mut player, seconds);
             let scene = Scene {

@@ -10,6 +10,7 @@
 //! | [`spatial`] | triangles | nearest points, first hits of rays |
 //! | [`clean`] | a marker capture | the same, merged, filled and smoothed |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
+//! | [`simplify`] | a body | the same with fewer vertices |
 //! | [`bake`] | a validated body | the asset |
 //! | [`mod@reference`] | a body or an asset | what the core should compute, in `f64` |
 //! | [`studio`] | a body and a seed | virtual captures with the truth beside them |
@@ -32,6 +33,7 @@ pub mod live;
 pub mod model;
 pub mod play;
 pub mod reference;
+pub mod simplify;
 pub mod spatial;
 pub mod studio;
 pub mod take;

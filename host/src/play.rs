@@ -1,9 +1,10 @@
 //! Runs the core over an asset on the host.
 
 use sinew_core::asset::Asset;
-use sinew_core::deform::{Level, Output};
+use sinew_core::deform::{Level, NormalMode, Output, SkinMode};
 use sinew_core::frame::{
-    Avatar, Budget, Fingerprint, FrameReport, Input, State, Workspace, state_len, workspace_len,
+    Avatar, Budget, Fingerprint, FrameReport, Input, ModeError, State, Workspace,
+    any_mode_workspace_len, state_len,
 };
 use sinew_core::pose;
 
@@ -16,10 +17,14 @@ use crate::reference;
 pub struct Player<'a> {
     asset: Asset<'a>,
     level: Level,
+    mode: SkinMode,
+    normal_mode: NormalMode,
     state: State<Vec<f32>>,
     workspace: Workspace<Vec<f32>>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// Empty where the asset has none.
+    tangents: Vec<[f32; 4]>,
     /// Made when the first frame of markers comes.
     markers: Option<MarkerPlayer<'a>>,
 }
@@ -29,15 +34,37 @@ impl<'a> Player<'a> {
     #[must_use]
     pub fn new(asset: Asset<'a>) -> Self {
         let dims = *asset.dims();
+        let has_tangents = dims.shapes.tangent_block_count > 0;
+        let tangent_count = if has_tangents { dims.vertex_count } else { 0 };
         Self {
             asset,
             level: Level::best(),
+            mode: SkinMode::Linear,
+            normal_mode: NormalMode::Fast,
             state: State::with(vec![0.0; state_len(&dims)]),
-            workspace: Workspace::with(vec![0.0; workspace_len(&dims)]),
+            workspace: Workspace::with(vec![0.0; any_mode_workspace_len(&dims)]),
             positions: vec![[0.0; 3]; dims.vertex_count],
             normals: vec![[0.0; 3]; dims.vertex_count],
+            tangents: vec![[0.0; 4]; tangent_count],
             markers: None,
         }
+    }
+
+    /// Another that plays the same in the same way, from the start.
+    #[must_use]
+    pub fn fresh(&self) -> Self {
+        Self {
+            level: self.level,
+            mode: self.mode,
+            normal_mode: self.normal_mode,
+            ..Self::new(self.asset)
+        }
+    }
+
+    /// What it plays.
+    #[must_use]
+    pub fn asset(&self) -> &Asset<'a> {
+        &self.asset
     }
 
     /// The same with other instructions.
@@ -45,6 +72,18 @@ impl<'a> Player<'a> {
     pub fn with_level(mut self, level: Level) -> Self {
         self.level = level;
         self
+    }
+
+    /// The same with transforms blended in another way, and normals moved in another.
+    ///
+    /// # Errors
+    /// A mode whose data the asset does not hold.
+    pub fn with_modes(mut self, mode: SkinMode, normals: NormalMode) -> Result<Self, ModeError> {
+        Avatar::new(&self.asset, &mut self.state, &mut self.workspace)
+            .expect("the memory has the asset's size")
+            .with_mode(mode)?;
+        (self.mode, self.normal_mode) = (mode, normals);
+        Ok(self)
     }
 
     /// Steps to an input; the vertices are in [`Self::positions`] and [`Self::normals`] then.
@@ -58,8 +97,16 @@ impl<'a> Player<'a> {
             Some(self.normals.as_flattened_mut()),
         )
         .expect("the buffers have the asset's size");
+        if !self.tangents.is_empty() {
+            output = output
+                .with_tangents(self.tangents.as_flattened_mut())
+                .expect("the buffers have the asset's size");
+        }
         Avatar::new(&self.asset, &mut self.state, &mut self.workspace)
             .expect("the memory has the asset's size")
+            .with_mode(self.mode)
+            .expect("the mode was tried before")
+            .with_normals(self.normal_mode)
             .with_level(self.level)
             .step(input, Budget::UNLIMITED, &mut output)
     }
@@ -82,6 +129,12 @@ impl<'a> Player<'a> {
     #[must_use]
     pub fn positions(&self) -> &[[f32; 3]] {
         &self.positions
+    }
+
+    /// Unit length and handedness, `[vertices]`; none where the asset has none.
+    #[must_use]
+    pub fn tangents(&self) -> &[[f32; 4]] {
+        &self.tangents
     }
 
     /// Unit length, `[vertices]`.

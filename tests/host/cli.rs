@@ -130,6 +130,44 @@ fn bake_verify_cost_and_play_agree() {
 }
 
 #[test]
+fn a_simplified_body_plays_in_every_mode_and_at_every_level() {
+    let folder = Folder::new("modes");
+    let (body, walk) = (text(data("human.glb")), text(data("walk.bvh")));
+    let asset = folder.path("small.sinew");
+    let common = [
+        "bake", "--mesh", &body, "--motion", &walk, "--output", &asset,
+    ];
+    let more = "--vertices 400 --levels 200 --influences 4 --quantise --centres";
+    let more: Vec<&str> = more.split(' ').collect();
+    let baked = object(&[&common[..], &more].concat());
+    assert!(baked["vertices"].as_u64() <= Some(400));
+    assert!(baked["packed"]["position_m"].as_f64() < Some(1e-4));
+    assert!(baked["levels"][0]["vertices"].as_u64() <= Some(200));
+    for mode in ["linear", "dual", "centres"] {
+        let glb = folder.path("walk.glb");
+        let arguments = [
+            "play", &asset, "--mode", mode, "--level", "1", "--output", &glb,
+        ];
+        object(&[&arguments[..], &["--rate", "2", "--exact-normals"]].concat());
+        let again = object(&["inspect", &glb]);
+        assert_eq!(again["vertices"], baked["levels"][0]["vertices"]);
+        let npy = folder.path("walk.npy");
+        let arguments = ["play", &asset, "--mode", mode, "--output", &npy];
+        object(&[&arguments[..], &["--rate", "2", "--blocks", "1000"]].concat());
+    }
+    let far = sinew(&[
+        "play",
+        &asset,
+        "--level",
+        "2",
+        "--output",
+        &folder.path("x.npy"),
+    ]);
+    assert_eq!(status(&far), 2);
+    assert!(words(&far).contains("the asset holds 2"), "{}", words(&far));
+}
+
+#[test]
 fn baking_twice_gives_the_same_bytes() {
     let folder = Folder::new("twice");
     let body = text(data("hand.glb"));

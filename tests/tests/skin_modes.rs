@@ -9,22 +9,16 @@ use sinew_core::frame::{
 };
 use sinew_core::pose;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake};
-use sinew_host::import::gltf::read_gltf;
 use sinew_host::model::{self, Transform};
 use sinew_host::reference;
-use sinew_tests::{Random, body::checked_arm, root};
+use sinew_tests::limb::{Arm, Motion, player, step};
+use sinew_tests::{Random, body::checked_arm, human};
 
 const MODES: [SkinMode; 3] = [
     SkinMode::Linear,
     SkinMode::DualQuaternion,
     SkinMode::CentresOfRotation,
 ];
-
-fn human() -> model::Avatar {
-    let bytes = std::fs::read(root().join("examples/data/human.glb")).expect("the bundled body");
-    let raw = read_gltf(&bytes, "human.glb", &root()).expect("reads");
-    model::Avatar::new(raw, "human.glb").expect("sound").0
-}
 
 fn baked(body: &model::Avatar) -> AssetBytes {
     let options = BakeOptions {
@@ -139,7 +133,7 @@ fn worst(found: &[f32], wanted: &[DVec3]) -> f64 {
 
 #[test]
 fn every_mode_agrees_with_its_oracle_on_the_bundled_body() {
-    let body = human();
+    let body = human::body();
     let bytes = baked(&body);
     let mut random = Random(11);
     for round in 0..4 {
@@ -157,7 +151,7 @@ fn every_mode_agrees_with_its_oracle_on_the_bundled_body() {
 
 #[test]
 fn every_mode_gives_the_same_bits_at_every_level() {
-    let body = human();
+    let body = human::body();
     let bytes = baked(&body);
     let mut random = Random(5);
     let levels = levels();
@@ -311,5 +305,25 @@ fn a_joint_that_only_scales_moves_vertices_alike_in_every_mode() {
     let [linear, dual, _] = MODES.map(|mode| skinned(&bytes, &local, Way::of(mode)).0);
     for (linear, dual) in linear.iter().zip(&dual) {
         assert!((linear - dual).abs() < 1e-6, "{linear} {dual}");
+    }
+}
+
+#[test]
+fn a_twisted_forearm_and_a_bent_elbow_keep_their_cross_section_except_in_linear_blending() {
+    let body = human::body();
+    let bytes = baked(&body);
+    for (motion, degrees) in [(Motion::Twist, 180.0), (Motion::Bend, 140.0)] {
+        let arm = Arm::new(&body, motion);
+        let [linear, dual, centres] = MODES.map(|mode| {
+            let mut player = player(&bytes, mode);
+            step(&mut player, &arm.pose(degrees));
+            arm.least_area(player.positions())
+        });
+        println!("{motion:?} {degrees}: {linear:.3} {dual:.3} {centres:.3}");
+        if motion == Motion::Twist {
+            assert!(linear < 0.3 && dual > 0.95 && centres > 0.95);
+        } else {
+            assert!(dual > linear && centres > linear);
+        }
     }
 }

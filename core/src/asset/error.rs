@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::{SectionKind, VERSION};
+use crate::deform::laplacian::LaplacianError;
 use crate::deform::parts::PartsError;
 
 /// Bytes that are not a usable asset. Each case carries the facts.
@@ -109,6 +110,11 @@ pub enum AssetError {
         /// What they sum to.
         sum: u32,
     },
+    /// A coarser level that does not fit the asset it is in.
+    Level {
+        /// Row of the level table.
+        row: usize,
+    },
     /// Tables of a marker-driven skin that are not sound.
     MarkerSkin(PartsError),
     /// A name that is not UTF-8.
@@ -118,6 +124,8 @@ pub enum AssetError {
         /// Which row of it.
         row: usize,
     },
+    /// Tables of a Laplacian deformer that are not usable.
+    Laplacian(LaplacianError),
 }
 
 impl AssetError {
@@ -206,6 +214,11 @@ impl fmt::Display for AssetError {
                     "weights of block {block}, vertex {lane} sum to {sum}, not 65535"
                 )
             }
+            Self::Laplacian(error) => write!(f, "the Laplacian surface: {error}"),
+            Self::Level { row } => write!(
+                f,
+                "coarser level {row} has another skeleton, other names or counts, or clips"
+            ),
             Self::MarkerSkin(error) => write!(f, "marker-driven skin: {error}"),
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;

@@ -1,7 +1,11 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
 use super::PackedDims;
+use super::bounds::BoundsDims;
+use super::laplacian::LaplacianDims;
+use super::levels::LevelDims;
 use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
+use super::shapes::ShapeDims;
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
@@ -42,6 +46,8 @@ pub(crate) const AT_SECTION_COUNT: usize = 20;
 pub(crate) const AT_RESERVED: usize = 24;
 pub(crate) const AT_DIMS: usize = 32;
 pub(crate) const DIMS_WORDS: usize = 64;
+/// First word of a group's counts.
+pub(crate) const LAPLACIAN: usize = 48;
 
 /// All counts of an asset. They size every buffer and bound the cost of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,6 +75,12 @@ pub struct Dims {
     pub morph_row_count: usize,
     /// Rows that move normals too: all or none.
     pub morph_normal_count: usize,
+    /// What is stored in 16-bit numbers.
+    pub shapes: ShapeDims,
+    /// Boxes at rest.
+    pub bounds: BoundsDims,
+    /// Coarser levels.
+    pub level: LevelDims,
     /// Triangles of the mesh.
     pub triangle_count: usize,
     /// Bytes of a vertex index, 2 or 4.
@@ -89,6 +101,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// A surface that follows its joints as markers.
+    pub laplacian: LaplacianDims,
     /// The skin that markers drive.
     pub marker_skin: MarkerSkinDims,
     /// Compressed tracks.
@@ -151,6 +165,20 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
+            laplacian: LaplacianDims::from_words(counts(bytes, LAPLACIAN)),
+            shapes: ShapeDims {
+                block_count: count(bytes, 21),
+                tangent_block_count: count(bytes, 22),
+            },
+            bounds: BoundsDims {
+                box_count: count(bytes, 23),
+                pair_count: count(bytes, 24),
+            },
+            level: LevelDims {
+                count: count(bytes, 25),
+                bytes: count(bytes, 26),
+                source_count: count(bytes, 27),
+            },
             marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
         }
@@ -181,6 +209,13 @@ impl Dims {
             self.morph_count,
             self.morph_row_count,
             self.morph_normal_count,
+            self.shapes.block_count,
+            self.shapes.tangent_block_count,
+            self.bounds.box_count,
+            self.bounds.pair_count,
+            self.level.count,
+            self.level.bytes,
+            self.level.source_count,
         ];
         let mut words = [0; DIMS_WORDS];
         let mut at = 0;
@@ -188,20 +223,37 @@ impl Dims {
             words[at] = counts[at];
             at += 1;
         }
+        let counts = self.laplacian.to_words();
+        at = 0;
+        while at < counts.len() {
+            words[LAPLACIAN + at] = counts[at];
+            at += 1;
+        }
         let (first, group) = self.marker_skin.words();
-        let mut at = 0;
+        at = 0;
         while at < MARKER_SKIN_WORDS {
             words[first + at] = group[at];
             at += 1;
         }
         let packed = self.packed.to_words();
-        let mut at = 0;
+        at = 0;
         while at < packed.len() {
             words[PackedDims::WORD + at] = packed[at];
             at += 1;
         }
         words
     }
+}
+
+/// Counts that stand one after another from `first` on.
+const fn counts<const N: usize>(bytes: &[u8], first: usize) -> [usize; N] {
+    let mut counts = [0; N];
+    let mut at = 0;
+    while at < N {
+        counts[at] = count(bytes, first + at);
+        at += 1;
+    }
+    counts
 }
 
 /// A count of the header by its number in `SPEC.md`.

@@ -39,6 +39,28 @@ pub enum SectionKind {
     MorphOffsets = u32::from_le_bytes(*b"MOFF"),
     /// `f32 [rows x 3 x 8]`, or empty: offsets of normals.
     MorphNormals = u32::from_le_bytes(*b"MNRM"),
+    /// `f32 [packed blocks x 6]`: origin and step of each block's box.
+    PackedBoxes = u32::from_le_bytes(*b"QBOX"),
+    /// `u16 [packed blocks x 3 x 8]`: positions in steps from the origin, instead of `VPOS`.
+    PackedPositions = u32::from_le_bytes(*b"QPOS"),
+    /// `i16 [packed blocks x 2 x 8]`: octahedral normals, instead of `VNRM`.
+    PackedNormals = u32::from_le_bytes(*b"QNRM"),
+    /// `i16 [tangent blocks x 2 x 8]`: octahedral tangents.
+    Tangents = u32::from_le_bytes(*b"QTAN"),
+    /// `u8 [tangent blocks]`: a bit for each lane, set where the handedness is negative.
+    TangentSigns = u32::from_le_bytes(*b"QTSG"),
+    /// `f32 [boxes x 6]`: low and high corner of what each bind moves, at rest.
+    BindBoxes = u32::from_le_bytes(*b"BBOX"),
+    /// `u16 [pairs x 2]`: binds that move a vertex together.
+    BindPairs = u32::from_le_bytes(*b"BPAR"),
+    /// `f32 [pairs x 6]`: low and high corner of what both move, at rest.
+    PairBoxes = u32::from_le_bytes(*b"BPBX"),
+    /// `u32 [levels x 4]`: offset and bytes in `LDAT`, vertices, blocks.
+    Levels = u32::from_le_bytes(*b"LEVL"),
+    /// `u8 [level bytes]`: coarser levels, each an asset.
+    LevelData = u32::from_le_bytes(*b"LDAT"),
+    /// `u32 [level sources]`: of a coarser level, the vertex of the finest that each vertex is.
+    LevelSources = u32::from_le_bytes(*b"LSRC"),
     /// `u32 [vertices]`: index in the source mesh of each vertex in block order.
     Order = u32::from_le_bytes(*b"VORD"),
     /// `u16` or `u32 [triangles x 3]`: vertex indices in block order.
@@ -119,11 +141,57 @@ pub enum SectionKind {
     ExactInverse = u32::from_le_bytes(*b"PEIN"),
     /// `u8 [name bytes]`: UTF-8.
     Names = u32::from_le_bytes(*b"NAME"),
+    /// `f32 [joints x 3]`: rest position of each marker.
+    SurfaceMarkers = u32::from_le_bytes(*b"LMRK"),
+    /// `u16 [joints - 1][2]`: pairs of neighbouring markers, a tree.
+    MarkerEdges = u32::from_le_bytes(*b"LEDG"),
+    /// `u32 [virtual handles + 1]`: first entry of each.
+    VirtualStarts = u32::from_le_bytes(*b"LVST"),
+    /// `u16 [entries]`: marker of each entry.
+    VirtualMarkers = u32::from_le_bytes(*b"LVMK"),
+    /// `f32 [entries]`: share in the handle's rotation.
+    VirtualTurns = u32::from_le_bytes(*b"LVTN"),
+    /// `f32 [entries x 4]`: `b` and `n` of the handle's position.
+    VirtualCoefficients = u32::from_le_bytes(*b"LVCF"),
+    /// `u32 [blocks + 1]`: first slot of each block.
+    HandleStarts = u32::from_le_bytes(*b"LSTA"),
+    /// `u16 [slots]`: handle, markers first.
+    SlotHandles = u32::from_le_bytes(*b"LHND"),
+    /// `f32 [slots x 4 x 8]`: `b` and `n` of eight vertices.
+    SlotCoefficients = u32::from_le_bytes(*b"LCOF"),
+    /// `u32 [vertices]`: row of each vertex in block order.
+    LaneRows = u32::from_le_bytes(*b"LROW"),
+    /// `f32 [rows x 4]`: rest position, inverse mass.
+    RowRest = u32::from_le_bytes(*b"LRES"),
+    /// `f32 [rows x 4]`: differential coordinates at rest, 0.
+    Differential = u32::from_le_bytes(*b"LDIF"),
+    /// `u32 [rows + 1]`: first neighbour of each row.
+    RowStarts = u32::from_le_bytes(*b"LNST"),
+    /// `u32 [edges]`: neighbours.
+    Neighbours = u32::from_le_bytes(*b"LNBR"),
+    /// `f32 [edges]`: cotangent weights.
+    NeighbourWeights = u32::from_le_bytes(*b"LNWT"),
+    /// `u32 [joints]`: row of each marker.
+    MarkerRows = u32::from_le_bytes(*b"LMRW"),
+    /// `u16 [rows x 4]`: markers that guess a row's position.
+    GuideMarkers = u32::from_le_bytes(*b"LGMK"),
+    /// `f32 [rows x 4]`: their weights.
+    GuideWeights = u32::from_le_bytes(*b"LGWT"),
+    /// `u32 [4]`: supernodes, panels and quads of the harmonic factor; stiffness (f32).
+    FactorSplit = u32::from_le_bytes(*b"LSPL"),
+    /// `u32 [supernodes + 2]`: columns of the harmonic factor, then of the other.
+    FactorColumns = u32::from_le_bytes(*b"LFCO"),
+    /// `u32 [supernodes + 2]`: panels, likewise.
+    FactorPanels = u32::from_le_bytes(*b"LFPN"),
+    /// `u32 [panels x 4]`: rows of the panels, likewise.
+    FactorRows = u32::from_le_bytes(*b"LFRW"),
+    /// `f32 [quads x 4]`: values, likewise.
+    FactorValues = u32::from_le_bytes(*b"LFVA"),
 }
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 56] = [
+    pub const ALL: [Self; 90] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -140,6 +208,17 @@ impl SectionKind {
         Self::MorphIds,
         Self::MorphOffsets,
         Self::MorphNormals,
+        Self::PackedBoxes,
+        Self::PackedPositions,
+        Self::PackedNormals,
+        Self::Tangents,
+        Self::TangentSigns,
+        Self::BindBoxes,
+        Self::BindPairs,
+        Self::PairBoxes,
+        Self::Levels,
+        Self::LevelData,
+        Self::LevelSources,
         Self::Order,
         Self::Triangles,
         Self::Parts,
@@ -180,6 +259,29 @@ impl SectionKind {
         Self::ExactLocal,
         Self::ExactInverse,
         Self::Names,
+        Self::SurfaceMarkers,
+        Self::MarkerEdges,
+        Self::VirtualStarts,
+        Self::VirtualMarkers,
+        Self::VirtualTurns,
+        Self::VirtualCoefficients,
+        Self::HandleStarts,
+        Self::SlotHandles,
+        Self::SlotCoefficients,
+        Self::LaneRows,
+        Self::RowRest,
+        Self::Differential,
+        Self::RowStarts,
+        Self::Neighbours,
+        Self::NeighbourWeights,
+        Self::MarkerRows,
+        Self::GuideMarkers,
+        Self::GuideWeights,
+        Self::FactorSplit,
+        Self::FactorColumns,
+        Self::FactorPanels,
+        Self::FactorRows,
+        Self::FactorValues,
     ];
 
     /// Length that the counts ask for; `None` where it exceeds the address space.
@@ -204,6 +306,18 @@ impl SectionKind {
             Self::Runs => dims.run_count.checked_mul(16),
             Self::SlotBinds => dims.slot_count.checked_mul(2),
             Self::SlotWeights => dims.slot_count.checked_mul(16),
+            Self::PackedBoxes => dims.shapes.block_count.checked_mul(24),
+            Self::PackedPositions => dims.shapes.block_count.checked_mul(48),
+            Self::PackedNormals => dims.shapes.block_count.checked_mul(32),
+            Self::Tangents => dims.shapes.tangent_block_count.checked_mul(32),
+            Self::TangentSigns => Some(dims.shapes.tangent_block_count),
+            Self::BindBoxes => dims.bounds.box_count.checked_mul(24),
+            Self::BindPairs => dims.bounds.pair_count.checked_mul(4),
+            Self::PairBoxes => dims.bounds.pair_count.checked_mul(24),
+            Self::Levels => dims.level.count.checked_mul(16),
+            Self::LevelData => Some(dims.level.bytes),
+            Self::LevelSources => dims.level.source_count.checked_mul(4),
+            Self::Positions | Self::Normals if dims.shapes.block_count > 0 => Some(0),
             Self::Positions | Self::Normals => dims.block_count.checked_mul(96),
             Self::Order => dims.vertex_count.checked_mul(4),
             Self::Triangles => match dims.triangle_count.checked_mul(3) {
@@ -220,9 +334,50 @@ impl SectionKind {
             Self::PackedValues => dims.packed.value_count.checked_mul(2),
             Self::JointNames => dims.joint_count.checked_mul(8),
             Self::Names => Some(dims.name_bytes),
-            group => dims
-                .marker_skin
-                .bytes(group, dims.block_count, dims.vertex_count),
+            group => match self.laplacian_bytes(dims) {
+                Some(0) => {
+                    let (blocks, vertices) = (dims.block_count, dims.vertex_count);
+                    dims.marker_skin.bytes(group, blocks, vertices)
+                }
+                found => found,
+            },
+        }
+    }
+
+    const fn laplacian_bytes(self, dims: &Dims) -> Option<usize> {
+        let counts = &dims.laplacian;
+        let (all, collapsed, exact) = (counts.is_some(), counts.is_collapsed(), counts.is_exact());
+        // Number of entries, of which there are none in an asset of another kind; bytes of each.
+        let (wanted, count, bytes) = match self {
+            Self::SurfaceMarkers => (all, dims.joint_count, 12),
+            Self::MarkerEdges => (all, dims.joint_count.saturating_sub(1), 4),
+            Self::VirtualStarts => (collapsed, counts.virtual_count.saturating_add(1), 4),
+            Self::VirtualMarkers => (collapsed, counts.virtual_entry_count, 2),
+            Self::VirtualTurns => (collapsed, counts.virtual_entry_count, 4),
+            Self::VirtualCoefficients => (collapsed, counts.virtual_entry_count, 16),
+            Self::HandleStarts => (collapsed, dims.block_count.saturating_add(1), 4),
+            Self::SlotHandles => (collapsed, counts.slot_count, 2),
+            Self::SlotCoefficients => (collapsed, counts.slot_count, 128),
+            Self::LaneRows => (exact, dims.vertex_count, 4),
+            Self::RowRest | Self::Differential | Self::GuideWeights => {
+                (exact, counts.row_count, 16)
+            }
+            Self::RowStarts => (exact, counts.row_count.saturating_add(1), 4),
+            Self::Neighbours | Self::NeighbourWeights => (exact, counts.edge_count, 4),
+            Self::MarkerRows => (exact, dims.joint_count, 4),
+            Self::GuideMarkers => (exact, counts.row_count, 8),
+            Self::FactorSplit => (exact, 1, 16),
+            Self::FactorColumns | Self::FactorPanels => {
+                (exact, counts.supernode_count.saturating_add(2), 4)
+            }
+            Self::FactorRows => (exact, counts.panel_count, 16),
+            Self::FactorValues => (exact, counts.quad_count, 16),
+            _ => (false, 0, 0),
+        };
+        if wanted {
+            count.checked_mul(bytes)
+        } else {
+            Some(0)
         }
     }
 }

@@ -4,6 +4,7 @@
 //! `SPEC.md`; after that no accessor can fail. Nothing is copied: the views borrow the bytes,
 //! which may lie in flash or in a mapped file.
 
+mod bounds;
 mod check;
 mod checksum;
 mod clips;
@@ -11,12 +12,17 @@ mod error;
 mod header;
 mod include;
 mod kind;
+mod laplacian;
+mod levels;
 mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
 mod sections;
+mod shapes;
 
+pub use bounds::BoundsDims;
+pub(crate) use bounds::RestBounds;
 pub use checksum::crc32;
 pub use clips::{Channel, Clip, Interpolation, Track};
 pub use error::AssetError;
@@ -26,10 +32,15 @@ pub use header::{
 };
 pub use include::Aligned;
 pub use kind::SectionKind;
+pub use laplacian::{LaplacianDims, LaplacianSurface};
+pub use levels::LevelDims;
+pub(crate) use levels::Levels;
 pub use marker_skin::{MarkerMode, MarkerSkin, MarkerSkinDims};
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
 pub use packed::{PackedDims, PackedTrack, unpack_rotation};
+pub(crate) use shapes::Shapes;
+pub use shapes::{PackedBox, ShapeDims};
 
 /// Eight lanes of x, then of y, then of z.
 pub type Lanes3 = [[f32; LANES]; 3];
@@ -64,6 +75,10 @@ pub struct Asset<'a> {
     pub(crate) packed: packed::Packed<'a>,
     joint_names: &'a [[u32; 2]],
     names: &'a [u8],
+    laplacian: laplacian::LaplacianView<'a>,
+    pub(crate) shapes: Shapes<'a>,
+    pub(crate) rest_bounds: RestBounds<'a>,
+    levels: Levels<'a>,
     marker_skin: Option<MarkerSkin<'a>>,
     marker_names: &'a [[u32; 2]],
 }
@@ -133,13 +148,14 @@ impl<'a> Asset<'a> {
         self.order
     }
 
-    /// Rest positions, metres. `[blocks]`; lanes beyond the last vertex repeat it.
+    /// Rest positions, metres. `[blocks]`, or empty where they are packed
+    /// ([`crate::deform::rest_shape`] reads both); lanes beyond the last vertex repeat it.
     #[must_use]
     pub fn rest_positions(&self) -> &'a [Lanes3] {
         self.positions
     }
 
-    /// Rest normals, unit length. `[blocks]`
+    /// Rest normals, unit length. `[blocks]`, or empty where they are packed.
     #[must_use]
     pub fn rest_normals(&self) -> &'a [Lanes3] {
         self.normals

@@ -4,7 +4,7 @@ use bytemuck::{Pod, try_cast_slice};
 
 use super::header::{
     AT_CHECKED, AT_CHECKSUM, AT_DIMS, AT_RESERVED, AT_SECTION_COUNT, AT_TOTAL_BYTES, AT_VERSION,
-    word,
+    LAPLACIAN, word,
 };
 use super::{
     ALIGNMENT, AssetError, Dims, HEADER_BYTES, LANES, MAGIC, NO_PARENT, SECTION_ROW_BYTES,
@@ -22,37 +22,11 @@ pub(super) struct Sections<'a> {
 }
 
 impl<'a> Sections<'a> {
+    /// Of bytes that [`check_header`] and [`check_sum`] found sound.
+    ///
     /// # Errors
-    /// The first fault of the header or the table.
+    /// The first fault of the counts or the table.
     pub(super) fn find(bytes: &'a [u8]) -> Result<Self, AssetError> {
-        let magic = MAGIC.len().min(bytes.len());
-        if bytes.get(..magic) != MAGIC.get(..magic) {
-            return Err(AssetError::NotAnAsset);
-        }
-        if bytes.len() < HEADER_BYTES {
-            return Err(AssetError::TooShort {
-                needed: HEADER_BYTES,
-                found: bytes.len(),
-            });
-        }
-        let version = word(bytes, AT_VERSION) as u32;
-        if version != VERSION {
-            return Err(AssetError::Version { found: version });
-        }
-        let stated = word(bytes, AT_TOTAL_BYTES);
-        if stated != bytes.len() {
-            return Err(AssetError::Length {
-                stated,
-                found: bytes.len(),
-            });
-        }
-        let (stated, found) = (
-            word(bytes, AT_CHECKSUM) as u32,
-            crc32(bytes.get(AT_CHECKED..).unwrap_or_default()),
-        );
-        if stated != found {
-            return Err(AssetError::Checksum { stated, found });
-        }
         if !(bytes.as_ptr() as usize).is_multiple_of(ALIGNMENT) {
             return Err(AssetError::Misaligned);
         }
@@ -136,6 +110,45 @@ impl<'a> Sections<'a> {
     }
 }
 
+/// Magic, version and length.
+pub(super) fn check_header(bytes: &[u8]) -> Result<(), AssetError> {
+    let magic = MAGIC.len().min(bytes.len());
+    if bytes.get(..magic) != MAGIC.get(..magic) {
+        return Err(AssetError::NotAnAsset);
+    }
+    if bytes.len() < HEADER_BYTES {
+        return Err(AssetError::TooShort {
+            needed: HEADER_BYTES,
+            found: bytes.len(),
+        });
+    }
+    let version = word(bytes, AT_VERSION) as u32;
+    if version != VERSION {
+        return Err(AssetError::Version { found: version });
+    }
+    let stated = word(bytes, AT_TOTAL_BYTES);
+    if stated != bytes.len() {
+        return Err(AssetError::Length {
+            stated,
+            found: bytes.len(),
+        });
+    }
+    Ok(())
+}
+
+/// Whether the bytes, long enough for a header, are those that were written.
+pub(super) fn check_sum(bytes: &[u8]) -> Result<(), AssetError> {
+    let (stated, found) = (
+        word(bytes, AT_CHECKSUM) as u32,
+        crc32(bytes.get(AT_CHECKED..).unwrap_or_default()),
+    );
+    if stated == found {
+        Ok(())
+    } else {
+        Err(AssetError::Checksum { stated, found })
+    }
+}
+
 fn all_zero(bytes: &[u8], start: usize, end: usize) -> Result<(), AssetError> {
     let gap = bytes.get(start..end).unwrap_or_default();
     match gap.iter().position(|&byte| byte != 0) {
@@ -177,11 +190,27 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     if dims.morph_normal_count != 0 && dims.morph_normal_count != dims.morph_row_count {
         return fault(20);
     }
+    let all_or_none = |count: usize, all: usize| count == 0 || count == all;
+    if !all_or_none(dims.shapes.block_count, dims.block_count) {
+        return fault(21);
+    }
+    if !all_or_none(dims.shapes.tangent_block_count, dims.block_count) {
+        return fault(22);
+    }
+    if !all_or_none(dims.bounds.box_count, dims.bind_count) {
+        return fault(23);
+    }
+    if !all_or_none(dims.level.source_count, dims.vertex_count) {
+        return fault(27);
+    }
     if dims.max_clip_tracks > dims.track_count {
         return fault(11);
     }
     if dims.max_track_keys > dims.key_time_count {
         return fault(12);
+    }
+    if let Some(index) = dims.laplacian.fault(dims.joint_count) {
+        return fault(LAPLACIAN + index);
     }
     Ok(())
 }

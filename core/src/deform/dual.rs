@@ -9,6 +9,7 @@ use crate::math::{Affine12, IDENTITY};
 use crate::pose::Dual17;
 
 /// Blends rotation and translation as dual quaternions.
+#[derive(Clone, Copy)]
 pub(super) struct DualQuaternion<'p> {
     /// `[binds]`
     pub palette: &'p [Affine12],
@@ -19,6 +20,7 @@ pub(super) struct DualQuaternion<'p> {
 }
 
 /// Blends rotations about centres that move with the linear blend.
+#[derive(Clone, Copy)]
 pub(super) struct Centres<'p>(pub DualQuaternion<'p>);
 
 /// No rotation, no translation, no stretch.
@@ -44,6 +46,9 @@ impl DualQuaternion<'_> {
         let zero = L::splat(token, 0.0);
         let (mut motion, mut stretch) = ([zero; N], [zero; 9]);
         for (at, (&bind, weights)) in slots.binds.iter().zip(slots.weights).enumerate() {
+            if L::weightless(weights, first) {
+                continue;
+            }
             let dual = self.dual(bind);
             let weight = L::load_weights(token, weights, first);
             let mut signed = weight;
@@ -159,7 +164,7 @@ impl Blend for Centres<'_> {
         };
         // Where the centre goes, less where the rotation alone would take it.
         let mut moved = linear.matrix::<L>(token, slots, first);
-        let centre = super::skin::load::<L>(token, slots.centre, first);
+        let centre = L::load3(token, slots.centre, first);
         for (row, turned) in moved
             .as_chunks_mut::<4>()
             .0

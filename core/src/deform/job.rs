@@ -6,8 +6,10 @@ use super::Level;
 use super::dual::{Centres, DualQuaternion};
 use super::linear::Linear;
 use super::morph::Morphs;
-use super::output::Output;
-use super::skin::{self, Blend, Task};
+use super::output::{Output, SizeError};
+use super::rest::RestShape;
+use super::skin::{self, Blend, Either, Task};
+use super::vertices;
 use crate::asset::Asset;
 #[cfg(feature = "simd")]
 use crate::asset::LANES;
@@ -90,6 +92,61 @@ impl<'p> SkinJob<'p> {
         }
     }
 
+    /// Skins single vertices, for ray casts and attachment points: the same bits as in their blocks.
+    ///
+    /// `ids`: places in block order, as the asset's triangles name them ([`Asset::source_order`]
+    /// says which vertex of the source each is); those that do not exist are left out. `positions`
+    /// and `normals`: a place for each id; old contents do not matter. O(ids x (runs + slots of a
+    /// block))
+    ///
+    /// # Errors
+    /// [`SizeError::TooSmall`] where there are more ids than places.
+    pub fn vertices(
+        &self,
+        asset: &Asset<'_>,
+        ids: &[u32],
+        positions: &mut [[f32; 3]],
+        normals: Option<&mut [[f32; 3]]>,
+    ) -> Result<(), SizeError> {
+        let room = normals.as_ref().map(|normals| normals.len());
+        vertices::check(ids.len(), positions.len(), room)?;
+        let normals = normals.unwrap_or_default();
+        match self.mode {
+            SkinMode::Linear => {
+                let blend = self.linear_blend();
+                vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
+            }
+            SkinMode::DualQuaternion => {
+                let blend = self.dual_blend();
+                vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
+            }
+            SkinMode::CentresOfRotation => {
+                let blend = Centres(self.dual_blend());
+                vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
+            }
+        }
+        Ok(())
+    }
+
+    fn task<'j, 'a, B>(
+        &'j self,
+        asset: &'j Asset<'a>,
+        blend: B,
+        blocks: Range<usize>,
+    ) -> Task<'j, 'a, B> {
+        Task {
+            shape: RestShape {
+                asset,
+                morphs: Morphs::new(asset, self.morph_weights),
+            },
+            blend,
+            normals: Either {
+                exact: self.normals == NormalMode::InverseTranspose,
+            },
+            blocks,
+        }
+    }
+
     fn linear_blend(&self) -> Linear<'p> {
         Linear {
             palette: self.palette,
@@ -113,13 +170,7 @@ impl<'p> SkinJob<'p> {
     ) {
         let end = blocks.end.min(asset.dims().block_count);
         let blocks = blocks.start.min(end)..end;
-        let task = |blocks| Task {
-            asset,
-            blend: &blend,
-            morphs: Morphs::new(asset, self.morph_weights),
-            exact_normals: self.normals == NormalMode::InverseTranspose,
-            blocks,
-        };
+        let task = |blocks| self.task(asset, blend, blocks);
         match self.level {
             Level::Scalar => skin::scalar(&task(blocks), output),
             #[cfg(feature = "simd")]

@@ -1,8 +1,9 @@
 //! Morph targets, added to the rest shape before it is skinned.
 
 use super::lanes::Lanes;
-use super::skin::{load, to_unit_length};
-use crate::asset::{Asset, Lanes3};
+use super::rest::Room;
+use super::skin::to_unit_length;
+use crate::asset::{Asset, LANES, Lanes3};
 
 /// An asset's morph targets with their weights; nothing where all weights are zero.
 #[derive(Clone, Copy)]
@@ -18,60 +19,59 @@ impl<'m, 'a> Morphs<'m, 'a> {
         moved.then_some(Self { asset, weights })
     }
 
+    /// Adds the offsets of a block; normals are at unit length again where something was added,
+    /// and made so before where they were not.
     #[inline(always)]
-    pub fn positions<L: Lanes>(
+    pub fn add_to<L: Lanes>(
         &self,
         token: L::Token,
         block: usize,
-        first: usize,
-        mut sums: [L; 3],
-    ) -> [L; 3] {
-        for row in self.asset.morph_rows(block) {
-            let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
-            if weight != 0.0 {
-                sums = add(token, sums, row.offsets, weight, first);
-            }
-        }
-        sums
-    }
-
-    /// At unit length again where something was added, so that skinning can rely on it.
-    #[inline(always)]
-    pub fn normals<L: Lanes>(
-        &self,
-        token: L::Token,
-        block: usize,
-        first: usize,
-        mut sums: [L; 3],
-    ) -> [L; 3] {
+        room: &mut Room,
+        has_unit_normals: bool,
+    ) {
         let mut changed = false;
         for row in self.asset.morph_rows(block) {
             let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
-            if let Some(offsets) = row.normals.filter(|_| weight != 0.0) {
-                sums = add(token, sums, offsets, weight, first);
+            if weight == 0.0 {
+                continue;
+            }
+            add::<L>(token, &mut room.positions, row.offsets, weight);
+            if let Some(offsets) = row.normals {
+                if !changed && !has_unit_normals {
+                    normalise::<L>(token, &mut room.normals);
+                }
+                add::<L>(token, &mut room.normals, offsets, weight);
                 changed = true;
             }
         }
         if changed {
-            sums = to_unit_length(token, sums);
+            normalise::<L>(token, &mut room.normals);
         }
-        sums
     }
 }
 
 #[inline(always)]
-fn add<L: Lanes>(
-    token: L::Token,
-    [x, y, z]: [L; 3],
-    offsets: &Lanes3,
-    weight: f32,
-    first: usize,
-) -> [L; 3] {
+fn normalise<L: Lanes>(token: L::Token, normals: &mut Lanes3) {
+    for first in (0..LANES).step_by(L::WIDTH) {
+        let unit = to_unit_length(token, L::load3(token, normals, first));
+        put3(normals, unit, first);
+    }
+}
+
+#[inline(always)]
+fn add<L: Lanes>(token: L::Token, sums: &mut Lanes3, offsets: &Lanes3, weight: f32) {
     let weight = L::splat(token, weight);
-    let [dx, dy, dz] = load::<L>(token, offsets, first);
-    [
-        x.add(dx.mul(weight)),
-        y.add(dy.mul(weight)),
-        z.add(dz.mul(weight)),
-    ]
+    for (sums, offsets) in sums.iter_mut().zip(offsets) {
+        for first in (0..LANES).step_by(L::WIDTH) {
+            let sum = L::load(token, sums, first).add(L::load(token, offsets, first).mul(weight));
+            sum.put(sums, first);
+        }
+    }
+}
+
+#[inline(always)]
+pub(super) fn put3<L: Lanes>(to: &mut Lanes3, xyz: [L; 3], first: usize) {
+    for (to, lanes) in to.iter_mut().zip(xyz) {
+        lanes.put(to, first);
+    }
 }

@@ -32,14 +32,33 @@ impl Attribute {
         offset: 0,
     };
 
+    /// Four numbers a vertex, nothing between: tangents.
+    pub const PACKED_FOUR: Self = Self {
+        stride: 4,
+        offset: 0,
+    };
+
     /// Numbers that a buffer for `vertex_count` vertices must have; `None` where that exceeds the
     /// address space, or where vertices would overlap.
     #[must_use]
     pub const fn len(self, vertex_count: usize) -> Option<usize> {
-        if self.stride < 3 || self.offset > self.stride - 3 {
+        self.len_of(3, vertex_count)
+    }
+
+    /// The same for so many numbers a vertex.
+    const fn len_of(self, width: usize, vertex_count: usize) -> Option<usize> {
+        if self.stride < width || self.offset > self.stride - width {
             return None;
         }
         self.stride.checked_mul(vertex_count)
+    }
+
+    /// Whether two attributes of these widths share a number of one vertex, or disagree on where
+    /// the next one begins.
+    const fn collides(self, width: usize, other: Self, other_width: usize) -> bool {
+        let apart =
+            self.offset + width <= other.offset || other.offset + other_width <= self.offset;
+        self.stride != other.stride || !apart
     }
 }
 
@@ -77,7 +96,7 @@ impl fmt::Display for SizeError {
             ),
             Self::Layout { attribute } => write!(
                 f,
-                "the {attribute} need three numbers inside the stride that nothing else uses"
+                "the {attribute} need their three numbers (tangents: four) inside the stride, which nothing else uses"
             ),
         }
     }
@@ -92,7 +111,9 @@ pub struct Output<'o> {
     positions: Attribute,
     /// Where, and whether in the second buffer.
     normals: Option<(Attribute, bool)>,
-    buffers: [&'o mut [f32]; 2],
+    /// Where, and whether in the third buffer.
+    tangents: Option<(Attribute, bool)>,
+    buffers: [&'o mut [f32]; 3],
     pub(super) order: VertexOrder,
     vertex_count: usize,
 }
@@ -116,7 +137,8 @@ impl<'o> Output<'o> {
         Ok(Self {
             positions: Attribute::PACKED,
             normals: has_normals.then_some((Attribute::PACKED, true)),
-            buffers: [positions, normals],
+            tangents: None,
+            buffers: [positions, normals, &mut []],
             order: VertexOrder::Source,
             vertex_count: dims.vertex_count,
         })
@@ -135,7 +157,7 @@ impl<'o> Output<'o> {
         fits(dims, positions, "positions", vertices.len())?;
         if let Some(normals) = normals {
             fits(dims, normals, "normals", vertices.len())?;
-            if normals.stride != positions.stride || normals.offset.abs_diff(positions.offset) < 3 {
+            if normals.collides(3, positions, 3) {
                 return Err(SizeError::Layout {
                     attribute: "normals",
                 });
@@ -144,10 +166,51 @@ impl<'o> Output<'o> {
         Ok(Self {
             positions,
             normals: normals.map(|normals| (normals, false)),
-            buffers: [vertices, &mut []],
+            tangents: None,
+            buffers: [vertices, &mut [], &mut []],
             order: VertexOrder::Source,
             vertex_count: dims.vertex_count,
         })
+    }
+
+    /// The same with tangents in a buffer of their own: direction, then handedness, four numbers a
+    /// vertex. Where the asset has no tangents the buffer is not touched.
+    ///
+    /// # Errors
+    /// [`SizeError::TooSmall`] below `4 * vertex_count` numbers.
+    pub fn with_tangents(mut self, tangents: &'o mut [f32]) -> Result<Self, SizeError> {
+        self.tangents = Some((Attribute::PACKED_FOUR, true));
+        fits_width(
+            self.vertex_count,
+            Attribute::PACKED_FOUR,
+            4,
+            "tangents",
+            tangents.len(),
+        )?;
+        let [_, _, third] = &mut self.buffers;
+        *third = tangents;
+        Ok(self)
+    }
+
+    /// The same with tangents among positions: direction, then handedness, four numbers.
+    ///
+    /// # Errors
+    /// [`SizeError`] where the buffer of positions is too short, the strides differ, or tangents
+    /// overlap what else is in it.
+    pub fn with_interleaved_tangents(mut self, tangents: Attribute) -> Result<Self, SizeError> {
+        let [first, ..] = &self.buffers;
+        fits_width(self.vertex_count, tangents, 4, "tangents", first.len())?;
+        let collides = tangents.collides(4, self.positions, 3)
+            || self
+                .normals
+                .is_some_and(|(normals, apart)| !apart && tangents.collides(4, normals, 3));
+        if collides {
+            return Err(SizeError::Layout {
+                attribute: "tangents",
+            });
+        }
+        self.tangents = Some((tangents, false));
+        Ok(self)
     }
 
     /// The same with another vertex order.
@@ -160,19 +223,23 @@ impl<'o> Output<'o> {
     /// The buffers alone, so that a kernel can hold them in registers.
     #[inline(always)]
     pub(super) fn writer(&mut self) -> Writer<'_> {
-        let [first, second] = &mut self.buffers;
+        let [first, second, third] = &mut self.buffers;
         Writer {
             positions: self.positions,
             normals: self.normals,
+            tangents: self.tangents,
             first,
             second,
+            third,
         }
     }
 
-    /// Positions and normals, where each has a buffer without gaps.
-    #[cfg(feature = "simd")]
+    /// Positions and normals, where each has a buffer without gaps and no tangents are wanted.
     pub(super) fn separated(&mut self) -> Option<(&mut [f32], Option<&mut [f32]>)> {
-        let [first, second] = &mut self.buffers;
+        if self.tangents.is_some() {
+            return None;
+        }
+        let [first, second, _] = &mut self.buffers;
         match (self.positions, self.normals) {
             (Attribute::PACKED, None) => Some((first, None)),
             (Attribute::PACKED, Some((Attribute::PACKED, true))) => Some((first, Some(second))),
@@ -198,14 +265,34 @@ pub(super) struct Writer<'w> {
     positions: Attribute,
     /// Where, and whether in the second buffer.
     normals: Option<(Attribute, bool)>,
+    /// Where, and whether in the third buffer.
+    tangents: Option<(Attribute, bool)>,
     first: &'w mut [f32],
     second: &'w mut [f32],
+    third: &'w mut [f32],
 }
 
 impl Writer<'_> {
     #[inline(always)]
     pub(super) fn wants_normals(&self) -> bool {
         self.normals.is_some()
+    }
+
+    #[inline(always)]
+    pub(super) fn wants_tangents(&self) -> bool {
+        self.tangents.is_some()
+    }
+
+    #[inline(always)]
+    pub(super) fn put_tangent(&mut self, vertex: usize, value: [f32; 4]) {
+        if let Some((attribute, apart)) = self.tangents {
+            let buffer = if apart {
+                &mut *self.third
+            } else {
+                &mut *self.first
+            };
+            put(buffer, attribute, vertex, value);
+        }
     }
 
     #[inline(always)]
@@ -227,7 +314,7 @@ impl Writer<'_> {
 }
 
 #[inline(always)]
-fn put(buffer: &mut [f32], attribute: Attribute, vertex: usize, value: [f32; 3]) {
+fn put<const N: usize>(buffer: &mut [f32], attribute: Attribute, vertex: usize, value: [f32; N]) {
     let at = vertex * attribute.stride + attribute.offset;
     let slot = buffer.get_mut(at..).and_then(<[f32]>::first_chunk_mut);
     if let Some(slot) = slot {
@@ -241,7 +328,17 @@ fn fits(
     name: &'static str,
     found: usize,
 ) -> Result<(), SizeError> {
-    match attribute.len(dims.vertex_count) {
+    fits_width(dims.vertex_count, attribute, 3, name, found)
+}
+
+fn fits_width(
+    vertex_count: usize,
+    attribute: Attribute,
+    width: usize,
+    name: &'static str,
+    found: usize,
+) -> Result<(), SizeError> {
+    match attribute.len_of(width, vertex_count) {
         Some(needed) if needed <= found => Ok(()),
         Some(needed) => Err(SizeError::TooSmall {
             buffer: name,

@@ -10,6 +10,26 @@ pub(super) trait Store {
     fn wants_normals(&self) -> bool;
     fn positions<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]);
     fn normals<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]);
+    /// Whether tangents are asked for; only [`Strided`] takes them.
+    #[inline(always)]
+    fn wants_tangents(&self) -> bool {
+        false
+    }
+    /// `signs`: a bit for each lane of the block, set where the handedness is negative.
+    #[inline(always)]
+    fn tangents<L: Lanes>(&mut self, _block: usize, _first: usize, _xyz: [L; 3], _signs: u8) {}
+    /// Positions and normals.
+    #[inline(always)]
+    fn vertices<L: Lanes>(
+        &mut self,
+        block: usize,
+        first: usize,
+        positions: [L; 3],
+        normals: [L; 3],
+    ) {
+        self.positions(block, first, positions);
+        self.normals(block, first, normals);
+    }
 }
 
 /// Any layout and order.
@@ -60,6 +80,101 @@ impl Store for Strided<'_> {
         for (vertex, &row) in (first..).zip(L::rows(xyz).as_ref()) {
             if let Some(vertex) = self.place(vertex) {
                 self.to.put_normal(vertex, row);
+            }
+        }
+    }
+    #[inline(always)]
+    fn wants_tangents(&self) -> bool {
+        self.to.wants_tangents()
+    }
+    #[inline(always)]
+    fn tangents<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3], signs: u8) {
+        for (lane, &[x, y, z]) in (first..).zip(L::rows(xyz).as_ref()) {
+            let handedness = if signs >> lane & 1 == 0 { 1.0 } else { -1.0 };
+            if let Some(vertex) = self.place(block * LANES + lane) {
+                self.to.put_tangent(vertex, [x, y, z, handedness]);
+            }
+        }
+    }
+}
+
+/// Buffers of their own, nothing between vertices, any order; for one vertex at a time.
+pub(super) struct Rows<'s> {
+    positions: &'s mut [[f32; 3]],
+    /// Empty where none are wanted.
+    normals: &'s mut [[f32; 3]],
+    wants_normals: bool,
+    /// Empty for block order.
+    order: &'s [u32],
+}
+
+impl<'s> Rows<'s> {
+    /// `None` for another layout. `source_order`: `[vertices]`.
+    pub fn new(source_order: &'s [u32], output: &'s mut Output<'_>) -> Option<Self> {
+        let order = order(source_order, output);
+        let (positions, normals) = output.separated()?;
+        let wants_normals = normals.is_some();
+        // Lanes beyond the last vertex find no place.
+        let positions = positions.as_chunks_mut().0.get_mut(..source_order.len())?;
+        Some(Self {
+            positions,
+            normals: normals.unwrap_or_default().as_chunks_mut().0,
+            wants_normals,
+            order,
+        })
+    }
+
+    #[inline(always)]
+    fn place(&self, vertex: usize) -> usize {
+        match self.order.get(vertex) {
+            Some(&source) => source as usize,
+            None if self.order.is_empty() => vertex,
+            None => usize::MAX,
+        }
+    }
+}
+
+impl Store for Rows<'_> {
+    #[inline(always)]
+    fn wants_normals(&self) -> bool {
+        self.wants_normals
+    }
+    #[inline(always)]
+    fn positions<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]) {
+        for (vertex, &row) in (block * LANES + first..).zip(L::rows(xyz).as_ref()) {
+            let at = self.place(vertex);
+            if let Some(to) = self.positions.get_mut(at) {
+                *to = row;
+            }
+        }
+    }
+    #[inline(always)]
+    fn normals<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]) {
+        for (vertex, &row) in (block * LANES + first..).zip(L::rows(xyz).as_ref()) {
+            let at = self.place(vertex);
+            if let Some(to) = self.normals.get_mut(at) {
+                *to = row;
+            }
+        }
+    }
+    #[inline(always)]
+    fn vertices<L: Lanes>(
+        &mut self,
+        block: usize,
+        first: usize,
+        positions: [L; 3],
+        normals: [L; 3],
+    ) {
+        let rows = L::rows(positions);
+        let normals = L::rows(normals);
+        let rows = rows.as_ref().iter().zip(normals.as_ref());
+        for (vertex, (&position, &normal)) in (block * LANES + first..).zip(rows) {
+            let at = self.place(vertex);
+            if let Some(to) = self.positions.get_mut(at) {
+                *to = position;
+            }
+            if let Some(to) = self.normals.get_mut(at) {
+                *to = normal;
             }
         }
     }

@@ -1,8 +1,9 @@
 //! The whole of a frame.
 
 use core::borrow::BorrowMut;
+use core::ops::Range;
 
-use super::buffers::{Kept, Progress, dual_len, dual_parts};
+use super::buffers::{Kept, Progress, dual_len, dual_parts, duals_of};
 use super::{Budget, Flags, FrameReport, State, Workspace, any_mode_workspace_len};
 use crate::asset::Asset;
 use crate::deform::{Level, NormalMode, Output, SizeError, SkinJob, SkinMode};
@@ -58,16 +59,20 @@ pub enum Input<'i> {
 /// ```
 #[derive(Debug)]
 pub struct Avatar<'r, 'a> {
-    asset: &'r Asset<'a>,
-    progress: &'r mut Progress,
-    local: &'r mut [Local],
+    pub(super) asset: &'r Asset<'a>,
+    pub(super) progress: &'r mut Progress,
+    pub(super) local: &'r mut [Local],
     weights: &'r mut [f32],
-    model: &'r mut [Joint12],
-    palette: &'r mut [Joint12],
+    /// What a surface that follows markers remembers.
+    pub(super) turns: &'r mut [f32],
+    pub(super) model: &'r mut [Joint12],
+    pub(super) palette: &'r mut [Joint12],
     /// What the workspace has besides.
-    spare: &'r mut [f32],
-    level: Level,
-    mode: SkinMode,
+    pub(super) spare: &'r mut [f32],
+    /// Whether some bind has a stretch; only known in modes other than linear.
+    stretched: bool,
+    pub(super) level: Level,
+    pub(super) mode: SkinMode,
     normals: NormalMode,
 }
 
@@ -85,6 +90,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             progress,
             local,
             weights,
+            turns,
         } = state.parts(asset.dims())?;
         let scratch = workspace.parts(asset.dims())?;
         if !progress.posed {
@@ -92,7 +98,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             pose::rest_morphs(asset, weights);
             *progress = Progress {
                 posed: true,
-                next_block: 0,
+                ..Progress::NEW
             };
         }
         Ok(Self {
@@ -100,9 +106,11 @@ impl<'r, 'a> Avatar<'r, 'a> {
             progress,
             local,
             weights,
+            turns,
             model: scratch.model,
             palette: scratch.palette,
             spare: scratch.rest,
+            stretched: false,
             level: Level::best(),
             mode: SkinMode::Linear,
             normals: NormalMode::Fast,
@@ -158,7 +166,17 @@ impl<'r, 'a> Avatar<'r, 'a> {
         if pose::to_model(self.asset, self.local, self.model) > 0 {
             report.flags |= Flags::OVERFLOW;
         }
+        if let Some(surface) = self.asset.laplacian() {
+            self.follow(&surface, budget, output, &mut report);
+            return report;
+        }
         pose::palette(self.asset, self.model, self.palette);
+        if self.mode != SkinMode::Linear
+            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
+        {
+            pose::rotations(self.asset, self.local, rotations);
+            self.stretched = pose::duals(self.asset, self.palette, rotations, duals);
+        }
         self.skin(budget, output, &mut report);
         report
     }
@@ -226,14 +244,43 @@ impl<'r, 'a> Avatar<'r, 'a> {
         }
     }
 
+    /// What moves vertices after the last step.
+    pub(super) fn job(&self) -> SkinJob<'_> {
+        SkinJob {
+            palette: self.palette,
+            duals: duals_of(self.asset.dims(), self.spare),
+            stretched: self.stretched,
+            mode: self.mode,
+            normals: self.normals,
+            morph_weights: self.weights,
+            level: self.level,
+        }
+    }
+
     /// Continues at the block where the frame before stopped, so that under a steady budget every
     /// block is brought up to date in turn.
     fn skin(&mut self, budget: Budget, output: &mut Output<'_>, report: &mut FrameReport) {
+        let Some([first, second]) = self.due(budget, output, report) else {
+            return;
+        };
+        let job = self.job();
+        job.run(self.asset, first, output);
+        job.run(self.asset, second, output);
+    }
+
+    /// The blocks whose turn it is, in two ranges: to the end, and again from the start. None for an
+    /// output of another asset.
+    pub(super) fn due(
+        &mut self,
+        budget: Budget,
+        output: &Output<'_>,
+        report: &mut FrameReport,
+    ) -> Option<[Range<usize>; 2]> {
         let blocks = self.asset.dims().block_count;
         if !output.fits(self.asset.dims()) {
             report.flags |= Flags::WRONG_OUTPUT;
             report.blocks_left = blocks;
-            return;
+            return None;
         }
         let count = budget.blocks.min(blocks);
         let first = if count == blocks {
@@ -242,32 +289,15 @@ impl<'r, 'a> Avatar<'r, 'a> {
             self.progress.next_block.min(blocks)
         };
         let end = first.saturating_add(count);
-        let mut job = SkinJob {
-            mode: self.mode,
-            normals: self.normals,
-            level: self.level,
-            morph_weights: self.weights,
-            ..SkinJob::linear(self.palette)
-        };
-        if self.mode != SkinMode::Linear
-            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
-        {
-            pose::rotations(self.asset, self.local, rotations);
-            job.stretched = pose::duals(self.asset, self.palette, rotations, duals);
-            job.duals = duals;
-        }
-        let mut run = |range| job.run(self.asset, range, output);
-        if end <= blocks {
-            run(first..end);
-            self.progress.next_block = if end == blocks { 0 } else { end };
-        } else {
-            let wrapped = end - blocks;
-            run(first..blocks);
-            run(0..wrapped);
-            self.progress.next_block = wrapped;
-        }
         report.blocks_done = count;
         report.blocks_left = blocks - count;
+        if end <= blocks {
+            self.progress.next_block = if end == blocks { 0 } else { end };
+            return Some([first..end, 0..0]);
+        }
+        let wrapped = end - blocks;
+        self.progress.next_block = wrapped;
+        Some([first..blocks, 0..wrapped])
     }
 }
 

@@ -1,6 +1,7 @@
 //! What a frame may cost, and what it costs.
 
-use crate::asset::{Dims, LANES};
+use crate::asset::{Asset, Dims, LANES};
+use crate::deform::SkinMode;
 
 /// How much work a frame may do. Counts, never time, so that every machine does the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,16 +10,41 @@ use crate::asset::{Dims, LANES};
 pub struct Budget {
     /// Blocks of eight vertices. What is left over is done first in the next frame.
     pub blocks: usize,
+    /// Solves of an exact Laplacian surface: one a frame at most, none to show the last one again.
+    pub solves: usize,
 }
 
 impl Budget {
     /// All of the work in every frame.
-    pub const UNLIMITED: Self = Self { blocks: usize::MAX };
+    pub const UNLIMITED: Self = Self {
+        blocks: usize::MAX,
+        solves: usize::MAX,
+    };
 
     /// At most this many blocks of eight vertices a frame.
     #[must_use]
     pub const fn blocks(blocks: usize) -> Self {
-        Self { blocks }
+        Self {
+            blocks,
+            ..Self::UNLIMITED
+        }
+    }
+
+    /// At most this many solves a frame.
+    #[must_use]
+    pub const fn with_solves(mut self, solves: usize) -> Self {
+        self.solves = solves;
+        self
+    }
+}
+
+impl Budget {
+    /// The finest level of detail that is brought up to date whole in every frame; the coarsest
+    /// where none is. O(levels)
+    #[must_use]
+    pub fn level<'a>(self, asset: &Asset<'a>) -> Asset<'a> {
+        let level = asset.level(asset.level_within(self.blocks));
+        level.unwrap_or(*asset)
     }
 }
 
@@ -43,6 +69,14 @@ pub struct Cost {
 }
 
 impl Cost {
+    /// No work.
+    pub const NONE: Self = Self {
+        mul_adds: 0,
+        divisions: 0,
+        bytes_read: 0,
+        bytes_written: 0,
+    };
+
     /// Both together.
     #[must_use]
     pub const fn plus(self, other: Self) -> Self {
@@ -83,7 +117,14 @@ const SLOT_VERTEX: u64 = 1 + 12;
 /// ```
 #[must_use]
 pub const fn cost(dims: &Dims, budget: Budget) -> Cost {
-    pose_cost(dims).plus(skin_cost(dims, budget))
+    let surface = if dims.laplacian.is_collapsed() {
+        collapsed_cost(dims, budget)
+    } else if dims.laplacian.is_exact() {
+        exact_cost(dims, budget)
+    } else {
+        skin_cost(dims, budget)
+    };
+    pose_cost(dims).plus(surface)
 }
 
 /// Clip sampling, model space, palette.
@@ -121,18 +162,131 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
     let slots = dims.slot_count as u64 - (all - blocks);
     // All rows could lie in the blocks that come; each block's normals are then made unit again.
     let (rows, normals) = (dims.morph_row_count as u64, dims.morph_normal_count as u64);
+    let is_packed = dims.shapes.block_count > 0;
+    // Packed numbers: a step each; normals may be needed at unit length before morphs are added.
+    let unpack = if is_packed { 3 + UNIT_LENGTH } else { 0 };
+    let rest_bytes = if is_packed { 24 + 48 + 32 } else { 2 * 96 };
     Cost {
-        mul_adds: blocks * lanes * VERTEX
+        mul_adds: blocks * lanes * (VERTEX + unpack)
             + slots * lanes * SLOT_VERTEX
             + lanes * (3 * rows + (3 + UNIT_LENGTH) * normals),
         divisions: 0,
         bytes_read: 16 * dims.run_count as u64
-            + blocks * (2 * 96 + 4 * lanes)
+            + blocks * (rest_bytes + 4 * lanes)
             + slots * (2 + 2 * lanes)
             + rows * (2 + 96)
             + normals * 96
             + if rows > 0 { 8 * blocks } else { 0 },
         bytes_written: blocks * lanes * 24,
+    }
+}
+
+/// A joint's rotation chained and made unit.
+const CHAINED: u64 = 16 + (4 + 9 + 4);
+/// A bind's rotation, dual part, and stretch.
+const DUAL: u64 = 16 + (4 + 9 + 4) + 3 + 16 + 9 + 27;
+/// Of both other modes the larger: the side of a quaternion, and what it or a centre sums besides
+/// the matrix.
+const SLOT_VERTEX_MORE: u64 = 4 + 4 + 9;
+/// Squared length, rotation after stretch, translation or centre.
+const VERTEX_MORE: u64 = 4 + 3 + 9 + 27 + 15;
+
+/// Bounds what dual quaternions or centres of rotation cost more than [`cost`]; nothing for linear
+/// blending. O(1); usable in a `const`.
+#[must_use]
+pub const fn mode_cost(dims: &Dims, budget: Budget, mode: SkinMode) -> Cost {
+    if matches!(mode, SkinMode::Linear) {
+        return Cost::NONE;
+    }
+    let all = dims.block_count as u64;
+    let blocks = if (budget.blocks as u64) < all {
+        budget.blocks as u64
+    } else {
+        all
+    };
+    let lanes = LANES as u64;
+    let slots = dims.slot_count as u64 - (all - blocks);
+    let (joints, binds) = (dims.joint_count as u64, dims.bind_count as u64);
+    Cost {
+        mul_adds: joints * CHAINED
+            + binds * DUAL
+            + lanes * (slots * SLOT_VERTEX_MORE + blocks * VERTEX_MORE),
+        divisions: blocks * lanes,
+        bytes_read: binds * 16
+            + if dims.centre_block_count > 0 {
+                96 * blocks
+            } else {
+                0
+            },
+        bytes_written: 0,
+    }
+}
+
+/// Rotations of joints; following one, its matrix, whether it is far from its neighbour.
+const MARKER: u64 = 16 + 60 + 36 + 40;
+/// A rotation made unit, composed with its base, and its matrix.
+const TURN: u64 = 4 + 9 + 4 + 16 + 18;
+
+const fn collapsed_cost(dims: &Dims, budget: Budget) -> Cost {
+    let counts = &dims.laplacian;
+    let all = dims.block_count as u64;
+    let blocks = if (budget.blocks as u64) < all {
+        budget.blocks as u64
+    } else {
+        all
+    };
+    let (lanes, joints) = (LANES as u64, dims.joint_count as u64);
+    let (handles, entries) = (
+        counts.virtual_count as u64,
+        counts.virtual_entry_count as u64,
+    );
+    // Every other block has a slot at least.
+    let slots = (counts.slot_count as u64).saturating_sub(all - blocks);
+    Cost {
+        // Where the base moves, rotations of virtual handles are blended once more.
+        mul_adds: joints * MARKER
+            + entries * (16 + 2 * 20)
+            + handles * 2 * TURN
+            + slots * lanes * (12 + 3 + 9)
+            + blocks * lanes * UNIT_LENGTH,
+        divisions: 0,
+        bytes_read: joints * 16
+            + entries * 22
+            + handles * 4
+            + slots * (2 + 128)
+            + blocks * (96 + 4 * lanes + 8),
+        bytes_written: blocks * lanes * 24,
+    }
+}
+
+const fn exact_cost(dims: &Dims, budget: Budget) -> Cost {
+    let counts = &dims.laplacian;
+    let (joints, vertices) = (dims.joint_count as u64, dims.vertex_count as u64);
+    let (rows, edges) = (counts.row_count as u64, counts.edge_count as u64);
+    let (panels, quads) = (counts.panel_count as u64, counts.quad_count as u64);
+    if budget.solves == 0 || budget.blocks == 0 {
+        return Cost {
+            mul_adds: joints * 16,
+            divisions: 0,
+            bytes_read: 0,
+            bytes_written: 0,
+        };
+    }
+    Cost {
+        // Four numbers of a quad, four right-hand sides, forward and back. A guess blends four
+        // rigid motions; edges are summed for rotations and, twice, for positions.
+        mul_adds: joints * (MARKER + 8)
+            + quads * 4 * 4 * 2
+            + rows * (2 * TURN + 4 * (18 + 9 + 4) + 9 + 8)
+            + edges * 3 * 4
+            + vertices * (18 + 9),
+        divisions: 0,
+        bytes_read: joints * 20
+            + 2 * (quads * 16 + panels * 16 + 8 * counts.supernode_count as u64)
+            + rows * (16 + 16 + 24 + 3 * 4)
+            + edges * 3 * 8
+            + vertices * (8 + 12),
+        bytes_written: vertices * 24,
     }
 }
 

@@ -4,6 +4,7 @@ use core::borrow::BorrowMut;
 
 use crate::asset::Dims;
 use crate::deform::SizeError;
+use crate::deform::laplacian::{TurnStage, exact_workspace_len, turn_state_len};
 use crate::math::Quat4;
 use crate::pose::{Dual17, Joint12, Local};
 
@@ -15,13 +16,35 @@ const DUAL: usize = 17;
 /// Numbers that a [`State`] needs.
 #[must_use]
 pub const fn state_len(dims: &Dims) -> usize {
-    dims.joint_count * LOCAL + dims.morph_count
+    dims.joint_count * LOCAL + dims.morph_count + turns_len(dims)
+}
+
+/// Numbers in which a surface that follows markers remembers how they turned.
+const fn turns_len(dims: &Dims) -> usize {
+    let counts = &dims.laplacian;
+    if counts.is_some() {
+        turn_state_len(dims.joint_count, counts.virtual_count + counts.row_count)
+    } else {
+        0
+    }
 }
 
 /// Numbers that a [`Workspace`] needs.
 #[must_use]
 pub const fn workspace_len(dims: &Dims) -> usize {
-    (dims.joint_count + dims.bind_count) * MATRIX
+    (dims.joint_count + dims.bind_count) * MATRIX + surface_len(dims)
+}
+
+/// Numbers of scratch that a surface needs besides: rotations of joints, then its handles or rows.
+const fn surface_len(dims: &Dims) -> usize {
+    let counts = &dims.laplacian;
+    if counts.is_collapsed() {
+        dims.joint_count * QUATERNION + (dims.joint_count + counts.virtual_count) * MATRIX
+    } else if counts.is_exact() {
+        dims.joint_count * QUATERNION + exact_workspace_len(counts.row_count)
+    } else {
+        0
+    }
 }
 
 /// Numbers that a [`Workspace`] needs for every skinning mode.
@@ -52,6 +75,16 @@ pub(super) struct Progress {
     pub posed: bool,
     /// The block that was not reached, or 0.
     pub next_block: usize,
+    /// What the memory of a surface's turns holds.
+    pub turns: TurnStage,
+}
+
+impl Progress {
+    pub const NEW: Self = Self {
+        posed: false,
+        next_block: 0,
+        turns: TurnStage::NEW,
+    };
 }
 
 impl<const N: usize> State<[f32; N]> {
@@ -59,10 +92,7 @@ impl<const N: usize> State<[f32; N]> {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            progress: Progress {
-                posed: false,
-                next_block: 0,
-            },
+            progress: Progress::NEW,
             numbers: [0.0; N],
         }
     }
@@ -79,10 +109,7 @@ impl<B: BorrowMut<[f32]>> State<B> {
     #[must_use]
     pub const fn with(numbers: B) -> Self {
         Self {
-            progress: Progress {
-                posed: false,
-                next_block: 0,
-            },
+            progress: Progress::NEW,
             numbers,
         }
     }
@@ -90,11 +117,13 @@ impl<B: BorrowMut<[f32]>> State<B> {
     pub(super) fn parts(&mut self, dims: &Dims) -> Result<Kept<'_>, SizeError> {
         let numbers = exactly(self.numbers.borrow_mut(), state_len(dims), "state")?;
         let joints = (dims.joint_count * LOCAL).min(numbers.len());
-        let (local, weights) = numbers.split_at_mut(joints);
+        let (local, rest) = numbers.split_at_mut(joints);
+        let (weights, turns) = rest.split_at_mut(dims.morph_count.min(rest.len()));
         Ok(Kept {
             progress: &mut self.progress,
             local: local.as_chunks_mut().0,
             weights,
+            turns,
         })
     }
 }
@@ -106,6 +135,8 @@ pub(super) struct Kept<'b> {
     pub local: &'b mut [Local],
     /// `[morphs]`
     pub weights: &'b mut [f32],
+    /// Of a surface that follows markers.
+    pub turns: &'b mut [f32],
 }
 
 /// Scratch of a frame. Its contents do not matter between frames, so one serves many avatars.
@@ -174,6 +205,12 @@ pub(super) fn dual_parts<'b>(
     let (rotations, rest) = rest.split_at_mut_checked(dims.joint_count * QUATERNION)?;
     let duals = rest.get_mut(..dims.bind_count * DUAL)?;
     Some((rotations.as_chunks_mut().0, duals.as_chunks_mut().0))
+}
+
+/// The dual quaternions that [`dual_parts`] filled; none in a workspace without room for them.
+pub(super) fn duals_of<'b>(dims: &Dims, rest: &'b [f32]) -> &'b [Dual17] {
+    let duals = rest.get(dims.joint_count * QUATERNION..);
+    duals.unwrap_or_default().as_chunks().0
 }
 
 fn exactly<'b>(

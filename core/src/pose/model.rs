@@ -43,6 +43,18 @@ pub fn to_model(asset: &Asset<'_>, local: &[Local], model: &mut [Joint12]) -> us
     beyond
 }
 
+/// Numbers below this become zero, and zeros positive: then a weight of zero changes no sum, not
+/// even the sign of a zero, and kernels may leave it out.
+const SMALLEST: f32 = 1e-30;
+
+fn settled(value: f32) -> f32 {
+    if (-SMALLEST..=SMALLEST).contains(&value) {
+        0.0
+    } else {
+        value
+    }
+}
+
 /// What skinning multiplies by: `M_i D_i^-1` for every bind (Mažrimas & Beinaravičius, section 2).
 ///
 /// `model: [joints]`; `palette: [binds]`, old contents do not matter. O(binds)
@@ -50,7 +62,7 @@ pub fn palette(asset: &Asset<'_>, model: &[Joint12], palette: &mut [Joint12]) {
     let binds = asset.bind_joints.iter().zip(asset.inverse_bind);
     for (slot, (&joint, inverse)) in palette.iter_mut().zip(binds) {
         if let Some(model) = model.get(usize::from(joint)) {
-            *slot = compose(model, inverse);
+            *slot = compose(model, inverse).map(settled);
         }
     }
 }

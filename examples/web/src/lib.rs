@@ -10,6 +10,7 @@ use sinew_core::deform::{Level, Output};
 use sinew_core::frame::{
     Avatar, Budget, Fingerprint, Input, State, Workspace, state_len, workspace_len,
 };
+use sinew_stages::Unmeasured;
 
 thread_local! {
     static BYTES: RefCell<&'static mut [u8]> = const { RefCell::new(&mut []) };
@@ -18,6 +19,7 @@ thread_local! {
 
 /// Memory of one avatar.
 struct Player {
+    bytes: &'static [u8],
     asset: Asset<'static>,
     state: State<Vec<f32>>,
     workspace: Workspace<Vec<f32>>,
@@ -26,9 +28,10 @@ struct Player {
 }
 
 impl Player {
-    fn new(asset: Asset<'static>) -> Self {
+    fn new(bytes: &'static [u8], asset: Asset<'static>) -> Self {
         let dims = asset.dims();
         Self {
+            bytes,
             asset,
             state: State::with(vec![0.0; state_len(dims)]),
             workspace: Workspace::with(vec![0.0; workspace_len(dims)]),
@@ -76,7 +79,9 @@ pub extern "C" fn asset_buffer(length: usize) -> *mut u8 {
 #[unsafe(no_mangle)]
 pub extern "C" fn load() -> u32 {
     let bytes: &'static [u8] = BYTES.take();
-    let player = Asset::new_checked(bytes).ok().map(Player::new);
+    let player = Asset::new_checked(bytes)
+        .ok()
+        .map(|asset| Player::new(bytes, asset));
     let sound = player.is_some();
     PLAYER.set(player);
     sound.into()
@@ -129,3 +134,34 @@ pub extern "C" fn fingerprint(clip: usize, scalar: u32) -> u64 {
         hash.value()
     })
 }
+
+/// Hash of what a stage of `tests/stages` puts out over the asset, by its place in the list of all;
+/// 0 where it does not run.
+#[unsafe(no_mangle)]
+pub extern "C" fn stage(index: usize, scalar: u32) -> u64 {
+    let level = if scalar == 0 {
+        Level::best()
+    } else {
+        Level::Scalar
+    };
+    with_player(0, |player| {
+        let mut memory = vec![0.0; MEMORY];
+        let run = sinew_stages::ALL.get(index).map(|&(_, run)| run);
+        let hash = run.map(|run| run(player.bytes, level, &mut memory, &mut Unmeasured));
+        hash.and_then(Result::ok).unwrap_or(0)
+    })
+}
+
+/// Place of a stage in the list of all by its name, which was written to [`asset_buffer`]; -1 for
+/// none.
+#[unsafe(no_mangle)]
+pub extern "C" fn stage_named() -> i32 {
+    let name: &[u8] = BYTES.take();
+    let place = sinew_stages::ALL
+        .iter()
+        .position(|(known, _)| known.as_bytes() == name);
+    place.map_or(-1, |place| place as i32)
+}
+
+/// Numbers of memory for a stage.
+const MEMORY: usize = 4 << 20;

@@ -8,7 +8,7 @@ use sinew_core::asset::Asset;
 use sinew_core::math::Affine12;
 use sinew_core::pose::{self, Dual17};
 use sinew_host::import::gltf::read_gltf;
-use sinew_host::model::Avatar;
+use sinew_host::model::{Avatar, Morph};
 
 /// A body with the bind matrices of a pose.
 #[derive(Clone)]
@@ -114,5 +114,26 @@ pub fn with_influences(body: &Body, limit: usize) -> Body {
         let sum: f64 = row.iter().map(|&(_, weight)| weight).sum();
         row.iter_mut().for_each(|(_, weight)| *weight /= sum);
     }
+    body
+}
+
+/// Eight targets; each moves a tenth of the body, a slice from the feet up.
+pub fn with_morphs(body: &Body) -> Body {
+    let mut body = body.clone();
+    let mesh = &mut body.avatar.mesh;
+    mesh.morphs = (0..8)
+        .map(|target| {
+            let slice = 0.17 * f64::from(target)..0.17 * f64::from(target + 1);
+            let moved = |position: &DVec3| f64::from(u8::from(slice.contains(&position.y)));
+            let offsets = mesh.positions.iter();
+            let offsets: Vec<DVec3> = offsets.map(|p| 0.01 * moved(p) * DVec3::X).collect();
+            Morph {
+                name: format!("target {target}"),
+                normals: offsets.clone(),
+                positions: offsets,
+                rest_weight: 0.0,
+            }
+        })
+        .collect();
     body
 }

@@ -75,6 +75,26 @@ pub fn arrange(skin: &Skin) -> Blocks {
     }
 }
 
+/// Blocks of vertices in a given order: for deformers whose own blocks the skin has to follow.
+/// O(vertices)
+#[must_use]
+pub fn in_order(skin: &Skin, order: &[u32]) -> Blocks {
+    let mut weight_error = 0.0_f64;
+    let weights: Vec<Weights> = skin
+        .influences
+        .iter()
+        .map(|influences| round(influences, &mut weight_error))
+        .collect();
+    Blocks {
+        blocks: order
+            .chunks(LANES)
+            .map(|block| slots(block, &weights))
+            .collect(),
+        order: order.to_vec(),
+        weight_error,
+    }
+}
+
 /// Cuts blocks from sets of fewer than [`LANES`] vertices, largest set first.
 fn join_leftovers(mut rest: Vec<(Vec<u16>, Vec<u32>)>, members: &mut Vec<Vec<u32>>) {
     rest.sort_by_key(|(set, vertices)| (std::cmp::Reverse(set.len()), vertices[0]));

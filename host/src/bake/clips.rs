@@ -31,7 +31,7 @@ impl Default for KeyTolerance {
 }
 
 /// Clips with the keys that remain.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SparseClips {
     /// In the order of the body, without what is compressed.
     pub clips: Vec<Clip>,

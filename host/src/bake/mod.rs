@@ -1,27 +1,39 @@
 //! A validated body in, an asset out.
 //!
-//! [`bake`] orders vertices into blocks of eight that share binds ([`blocks`]), turns clips into
+//! [`bake`] orders vertices into blocks of eight that share binds ([`blocks`]), packs them where that
+//! is wanted ([`quantise`]), does the same for coarser levels ([`crate::simplify`]), turns clips into
 //! sparse keys ([`clips`]) and lays everything out as `core/SPEC.md` says ([`mod@write`]). The same
 //! input gives the same bytes.
 
 pub mod blocks;
+pub mod bounds;
 pub mod centres;
 pub mod clips;
 pub mod compress;
+pub mod quantise;
 pub mod write;
 
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
 
-use crate::model::Avatar;
-use clips::KeyTolerance;
+use crate::fit::laplace::rig::{Rig, Tables};
+use crate::model::{Avatar, Mesh, Skin};
+use crate::simplify::{self, Simplified};
+use blocks::Blocks;
+use clips::{KeyTolerance, SparseClips};
+use quantise::PackError;
+use write::Level;
 
 /// How to bake.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct BakeOptions {
     /// Keys whose absence changes less than this are left out.
     pub key_tolerance: KeyTolerance,
     /// Whether to find centres of rotation ([`centres`]), which one skinning mode needs.
     pub centres: bool,
+    /// Whether positions and normals are stored in 16-bit numbers ([`quantise`]).
+    pub quantised: bool,
+    /// Vertices of coarser levels ([`crate::simplify`]).
+    pub levels: Vec<usize>,
     /// Metres that compressed clips may stray in joint space; `None` keeps 32-bit keys.
     pub compression: Option<f64>,
 }
@@ -48,6 +60,23 @@ pub struct BakeReport {
     pub keys: (usize, usize),
     /// Clips that were compressed.
     pub compression: Vec<compress::CompressionReport>,
+    /// What 16-bit positions and normals changed, where they were wanted; levels included.
+    pub pack_error: Option<PackError>,
+    /// Coarser levels.
+    pub levels: Vec<LevelReport>,
+}
+
+/// A coarser level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LevelReport {
+    /// Vertices; more than were asked for where borders and seams allow no fewer.
+    pub vertices: usize,
+    /// Triangles.
+    pub triangles: usize,
+    /// Blocks of eight vertices.
+    pub blocks: usize,
+    /// See [`crate::simplify::Simplified::error`].
+    pub error: f64,
 }
 
 /// A body that cannot be written as an asset.
@@ -130,14 +159,90 @@ pub fn bake_with(
 ) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
     let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
-    let centres = options
-        .centres
-        .then(|| centres::centres(&avatar.mesh, &avatar.skin));
+    let find_centres =
+        |mesh: &Mesh, skin: &Skin| options.centres.then(|| centres::centres(mesh, skin));
+    let pack =
+        |mesh: &Mesh, blocks: &Blocks| options.quantised.then(|| quantise::pack(mesh, blocks));
+    let centres = find_centres(&avatar.mesh, &avatar.skin);
+    let packed = pack(&avatar.mesh, &blocks);
+    let mut pack_error = packed.as_ref().map(|packed| packed.error);
+    let (mut levels, mut level_reports) = (Vec::new(), Vec::new());
+    for coarser in simplify_to(avatar, &options.levels) {
+        let Simplified {
+            mesh, skin, source, ..
+        } = coarser;
+        let blocks = blocks::arrange(&skin);
+        let packed = pack(&mesh, &blocks);
+        if let (Some(worst), Some(packed)) = (&mut pack_error, &packed) {
+            worst.position = worst.position.max(packed.error.position);
+            worst.normal = worst.normal.max(packed.error.normal);
+        }
+        level_reports.push(LevelReport {
+            vertices: mesh.positions.len(),
+            triangles: mesh.triangles.len(),
+            blocks: blocks.blocks.len(),
+            error: coarser.error,
+        });
+        levels.push(Level {
+            centres: find_centres(&mesh, &skin),
+            packed,
+            blocks,
+            source,
+            avatar: Avatar {
+                mesh,
+                skin,
+                skeleton: avatar.skeleton.clone(),
+                clips: Vec::new(),
+            },
+        });
+    }
+    let wider = pack_error.map_or(0.0, |error| error.position);
+    let bounds = bounds::rest_bounds(&avatar.mesh, &avatar.skin, wider);
     let extras = write::Extras {
         centres: centres.as_deref(),
+        packed: packed.as_ref(),
+        bounds: Some(&bounds),
+        levels: &levels,
         marker_skin,
+        laplacian: None,
     };
-    let bytes = write::write(avatar, &blocks, &clips, &extras)?;
+    let baked = finish(avatar, &blocks, &clips, &extras)?;
+    Ok(Baked {
+        report: BakeReport {
+            pack_error,
+            levels: level_reports,
+            ..baked.report
+        },
+        ..baked
+    })
+}
+
+/// Bakes a scan that follows markers, without what only a skinned body has.
+/// O(vertices + keys + tables)
+///
+/// # Errors
+/// [`BakeError`] where it exceeds the format.
+pub fn bake_rig(rig: &Rig, options: &BakeOptions) -> Result<Baked, BakeError> {
+    let order = match &rig.tables {
+        Tables::Collapsed(tables) => &tables.order,
+        Tables::Exact(tables) => &tables.order,
+    };
+    let blocks = blocks::in_order(&rig.body.skin, order);
+    let clips = clips::reduce(&rig.body, options.key_tolerance, options.compression);
+    let extras = write::Extras {
+        laplacian: Some(&rig.tables),
+        ..write::Extras::default()
+    };
+    finish(&rig.body, &blocks, &clips, &extras)
+}
+
+fn finish(
+    avatar: &Avatar,
+    blocks: &Blocks,
+    clips: &SparseClips,
+    extras: &write::Extras<'_>,
+) -> Result<Baked, BakeError> {
+    let bytes = write::write(avatar, blocks, clips, extras)?;
     let bytes = AssetBytes::new(&bytes);
     let dims = *bytes.asset()?.dims();
     let lengths = SectionKind::ALL.iter();
@@ -148,7 +253,25 @@ pub fn bake_with(
             .collect(),
         weight_error: blocks.weight_error,
         keys: (clips.source_keys, clips.kept_keys()),
-        compression: clips.compression,
+        pack_error: None,
+        levels: Vec::new(),
+        compression: clips.compression.clone(),
     };
     Ok(Baked { bytes, report })
+}
+
+/// Coarser and coarser; counts that would not leave fewer vertices than before are passed over.
+fn simplify_to(avatar: &Avatar, counts: &[usize]) -> Vec<Simplified> {
+    let mut counts = counts.to_vec();
+    counts.sort_unstable_by(|a, b| b.cmp(a));
+    let mut before = avatar.mesh.positions.len();
+    let mut levels = Vec::new();
+    for count in counts {
+        let level = simplify::simplify(avatar, count);
+        if count > 0 && level.mesh.positions.len() < before {
+            before = level.mesh.positions.len();
+            levels.push(level);
+        }
+    }
+    levels
 }

@@ -1,8 +1,10 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
 mod clips;
+mod laplacian;
 mod marker_skin;
 mod morphs;
+mod shape;
 
 pub use marker_skin::MarkerSkinData;
 
@@ -16,16 +18,37 @@ use sinew_core::asset::{
 
 use super::BakeError;
 use super::blocks::Blocks;
+use super::bounds::RestBounds;
 use super::clips::SparseClips;
+use super::quantise::Packed;
+use crate::fit::laplace::rig::Tables;
 use crate::model::Avatar;
+
+pub use shape::Level;
 
 /// What an asset may hold besides a skinned body and its clips.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Extras<'e> {
     /// `[vertices]`: centres of rotation, for the mode of that name.
     pub centres: Option<&'e [DVec3]>,
+    /// A surface that follows the joints as markers.
+    pub laplacian: Option<&'e Tables>,
     /// A skin that markers drive.
     pub marker_skin: Option<&'e MarkerSkinData>,
+    /// Positions and normals in 16-bit numbers instead of 32-bit ones.
+    pub packed: Option<&'e Packed>,
+    /// Boxes at rest.
+    pub bounds: Option<&'e RestBounds>,
+    /// Coarser meshes, each coarser than the one before.
+    pub levels: &'e [Level],
+}
+
+/// What every level of detail has.
+struct Surface<'s> {
+    avatar: &'s Avatar,
+    blocks: &'s Blocks,
+    centres: Option<&'s [DVec3]>,
+    packed: Option<&'s Packed>,
 }
 
 /// All sections, in file order, then header and table in front of them.
@@ -39,17 +62,23 @@ pub fn write(
     extras: &Extras<'_>,
 ) -> Result<Vec<u8>, BakeError> {
     let mut writer = Writer::default();
-    writer.skeleton(avatar)?;
-    writer.blocks(avatar, blocks)?;
-    if let Some(centres) = extras.centres {
-        writer.centres(blocks, centres)?;
+    writer.surface(&Surface {
+        avatar,
+        blocks,
+        centres: extras.centres,
+        packed: extras.packed,
+    })?;
+    if let Some(bounds) = extras.bounds {
+        writer.bounds(bounds)?;
     }
-    writer.triangles(avatar, blocks)?;
-    writer.morphs(&avatar.mesh.morphs, blocks)?;
     writer.clips(clips, &avatar.mesh.morphs)?;
+    if let Some(tables) = extras.laplacian {
+        writer.laplacian(tables)?;
+    }
     if let Some(skin) = extras.marker_skin {
         writer.marker_skin(skin)?;
     }
+    writer.levels(extras.levels)?;
     writer.finish()
 }
 
@@ -62,6 +91,18 @@ struct Writer {
 }
 
 impl Writer {
+    fn surface(&mut self, surface: &Surface<'_>) -> Result<(), BakeError> {
+        let &Surface { avatar, blocks, .. } = surface;
+        self.skeleton(avatar)?;
+        self.blocks(avatar, blocks, surface.packed)?;
+        self.tangents(&avatar.mesh, blocks);
+        if let Some(centres) = surface.centres {
+            self.centres(blocks, centres)?;
+        }
+        self.triangles(avatar, blocks)?;
+        self.morphs(&avatar.mesh.morphs, blocks)
+    }
+
     fn put<T: bytemuck::NoUninit>(&mut self, kind: SectionKind, values: &[T]) {
         // A cast would be wrong on a big-endian machine, which the core refuses to build for.
         self.sections
@@ -124,7 +165,12 @@ impl Writer {
         Ok(())
     }
 
-    fn blocks(&mut self, avatar: &Avatar, blocks: &Blocks) -> Result<(), BakeError> {
+    fn blocks(
+        &mut self,
+        avatar: &Avatar,
+        blocks: &Blocks,
+        packed: Option<&Packed>,
+    ) -> Result<(), BakeError> {
         let mesh = &avatar.mesh;
         self.dims.vertex_count = limit("vertices", mesh.positions.len(), u32::MAX as usize / 2)?;
         self.dims.block_count = blocks.blocks.len();
@@ -142,6 +188,10 @@ impl Writer {
         let all = blocks.order.chunks(LANES);
         let position = |vertex: usize| mesh.positions[vertex];
         let positions = lanes(all.clone(), position, "position")?;
+        if let Some(packed) = packed {
+            self.packed(packed);
+            return Ok(());
+        }
         self.put(SectionKind::Positions, &positions);
         let normals = lanes(all, |vertex| mesh.normals[vertex], "normal")?;
         self.put(SectionKind::Normals, &normals);

@@ -15,8 +15,11 @@ use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, feet, floor, retarget};
 use crate::import::Place;
 use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
+use crate::simplify::simplify;
 use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
+
+mod laplacian;
 
 /// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
 #[derive(Args)]
@@ -26,10 +29,15 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --compress 0.5 --output body.sinew
   sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
+  sinew bake --mesh body.glb --centres --levels 5000,2000 --output game.sinew
+  sinew bake --mesh body.glb --vertices 2000 --influences 4 --quantise --compress 0.5 --output device.sinew
   sinew bake --mesh body.glb --markers dense.c3d --output body.sinew
-  sinew bake --mesh body.glb --markers dense.c3d --mode hybrid --rest-frame 40 --output body.sinew")]
+  sinew bake --mesh body.glb --markers dense.c3d --mode hybrid --rest-frame 40 --output body.sinew
+  sinew bake --mode laplacian --mesh scan.ply --markers take.c3d --output scan.sinew
+  sinew bake --mode laplacian --mesh scan.obj --template walk.bvh --picture markers.png \\
+    --save-pairs markers.txt --output scan.sinew")]
 pub(crate) struct Bake {
-    /// The body: a .glb or .gltf with skin weights.
+    /// The body: a .glb or .gltf with skin weights; a scan may be a .ply or .obj too.
     #[arg(long)]
     mesh: PathBuf,
     /// Captured motion (.bvh), put on the body by rotation alone; may be given several times.
@@ -37,6 +45,23 @@ pub(crate) struct Bake {
     motion: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
+    /// Find centres of rotation, which `play --mode centres` needs.
+    #[arg(long)]
+    centres: bool,
+    /// Store positions and normals in 16-bit numbers: half the bytes; the error is stated.
+    #[arg(long)]
+    quantise: bool,
+    /// Simplify the body to at most so many vertices first.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..))]
+    vertices: Option<u32>,
+    /// Hold coarser levels of detail too, of at most so many vertices each.
+    #[arg(long, value_name = "N,N..", value_delimiter = ',', value_parser = clap::value_parser!(u32).range(4..))]
+    levels: Vec<u32>,
+    /// Keep only the heaviest influences of each vertex.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
+    influences: Option<u32>,
+    #[command(flatten)]
+    laplacian: laplacian::Laplacian,
     #[command(flatten)]
     from_markers: FromMarkers,
     /// Compress clips: joints, and skin 100 mm around them, may stray so many millimetres.
@@ -142,6 +167,19 @@ impl Bake {
                 "--compress must lie between 0 and 1000 mm".into(),
             ));
         }
+        let options = BakeOptions {
+            centres: self.centres,
+            quantised: self.quantise,
+            levels: self.levels.iter().map(|&count| count as usize).collect(),
+            compression: self.compress.map(|mm| mm / 1e3),
+            ..BakeOptions::default()
+        };
+        if self.from_markers.is_laplacian() {
+            let followed = (self.from_markers.take(), &self.motion[..]);
+            let (mesh, reading) = (&self.mesh, self.fitting.reading);
+            let (scan, output) = (&self.laplacian, &self.output);
+            return scan.run(mesh, followed, reading, &options, output, say);
+        }
         let (mut body, mut notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
         for path in &self.motion {
@@ -154,10 +192,20 @@ impl Bake {
             notices.extend(fit_notices);
             body.clips.push(clip);
         }
-        let options = BakeOptions {
-            compression: self.compress.map(|mm| mm / 1e3),
-            ..BakeOptions::default()
-        };
+        if let Some(most) = self.influences {
+            body.skin.limit(most as usize);
+        }
+        if let Some(vertices) = self.vertices {
+            let before = body.mesh.positions.len();
+            let simple = simplify(&body, vertices as usize);
+            (body.mesh, body.skin) = (simple.mesh, simple.skin);
+            say.line(format!(
+                "simplified from {} to {} vertices, {:.2} mm off",
+                thousands(before as u64),
+                thousands(body.mesh.positions.len() as u64),
+                simple.error * 1e3,
+            ));
+        }
         let learnt = self.from_markers.learn(&body, self.fitting.reading, say)?;
         let marker_skin = learnt.as_ref().map(|learnt| &learnt.0);
         let baked = bake_with(&body, &options, marker_skin)?;
@@ -175,7 +223,8 @@ impl Bake {
         let mut object = to_json(&baked.report);
         object["output"] = json!(self.output.display().to_string());
         // Skin beyond the shell around its joint may stray a little farther: twice is allowed.
-        let limit = BAKE_LIMIT + 2.0 * options.compression.unwrap_or(0.0);
+        let packed = baked.report.pack_error.map_or(0.0, |error| error.position);
+        let limit = BAKE_LIMIT + packed + 2.0 * options.compression.unwrap_or(0.0);
         object["error"] = error_json(&error, limit);
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
         if let Some((_, report)) = learnt {
@@ -211,6 +260,23 @@ pub(crate) fn tell(report: &BakeReport, say: &Say) {
         thousands(report.keys.0 as u64),
         report.weight_error,
     ));
+    if let Some(error) = report.pack_error {
+        say.line(format!(
+            "16-bit shape: positions within {:.4} mm, normals within {:.4} degrees",
+            error.position * 1e3,
+            error.normal.to_degrees(),
+        ));
+    }
+    for (index, level) in report.levels.iter().enumerate() {
+        say.line(format!(
+            "level {}: {} vertices, {} triangles, {} blocks, {:.2} mm off",
+            index + 1,
+            thousands(level.vertices as u64),
+            thousands(level.triangles as u64),
+            thousands(level.blocks as u64),
+            level.error * 1e3,
+        ));
+    }
     for clip in &report.compression {
         say.line(format!(
             "clip {:?} compressed to {} ({:.1} % of 16-bit samples), {:.3} mm off at most",
@@ -236,6 +302,16 @@ pub(crate) fn to_json(report: &BakeReport) -> Value {
         "clips": dims.clip_count,
         "keys": { "source": report.keys.0, "kept": report.keys.1 },
         "weight_error": report.weight_error,
+        "packed": report.pack_error.map(|error| json!({
+            "position_m": error.position,
+            "normal_rad": error.normal,
+        })),
+        "levels": report.levels.iter().map(|level| json!({
+            "vertices": level.vertices,
+            "triangles": level.triangles,
+            "blocks": level.blocks,
+            "error_m": level.error,
+        })).collect::<Vec<_>>(),
         "compression": report.compression.iter().map(|clip| json!({
             "clip": clip.name,
             "worst_error_mm": 1e3 * clip.error,

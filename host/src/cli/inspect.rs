@@ -229,6 +229,28 @@ fn packed(asset: &Asset<'_>, length: usize, say: &Say) -> Value {
         thousands(dims.slot_count as u64),
         thousands(dims.triangle_count as u64),
     ));
+    let held = [
+        (dims.shapes.block_count > 0, "16-bit shapes"),
+        (dims.shapes.tangent_block_count > 0, "tangents"),
+        (dims.centre_block_count > 0, "centres of rotation"),
+        (dims.morph_count > 0, "morph targets"),
+    ];
+    let held = held.into_iter().filter(|(held, _)| *held);
+    let held: Vec<&str> = held.map(|(_, what)| what).collect();
+    if !held.is_empty() {
+        say.line(format!("  holds     {}", held.join(", ")));
+    }
+    let levels = (1..asset.level_count()).filter_map(|index| asset.level(index));
+    let levels: Vec<Dims> = levels.map(|level| *level.dims()).collect();
+    for (index, level) in levels.iter().enumerate() {
+        say.line(format!(
+            "  level {}   {} vertices in {} blocks, {} triangles",
+            index + 1,
+            thousands(level.vertex_count as u64),
+            thousands(level.block_count as u64),
+            thousands(level.triangle_count as u64),
+        ));
+    }
     let avatar = crate::reference::unpack(asset);
     let skeleton = hierarchy(&avatar.skeleton, say);
     let clips: Vec<Value> = avatar.clips.iter().map(|clip| motion(clip, say)).collect();
@@ -242,6 +264,12 @@ fn packed(asset: &Asset<'_>, length: usize, say: &Say) -> Value {
         "blocks": dims.block_count,
         "slots": dims.slot_count,
         "triangles": dims.triangle_count,
+        "holds": held,
+        "levels": levels.iter().map(|level| json!({
+            "vertices": level.vertex_count,
+            "blocks": level.block_count,
+            "triangles": level.triangle_count,
+        })).collect::<Vec<_>>(),
         "skeleton": skeleton,
         "clips": clips,
         "section_bytes": sections.collect::<serde_json::Map<_, _>>(),

@@ -4,6 +4,7 @@ use std::error::Error;
 use std::path::Path;
 
 use clap::{Args, ValueEnum};
+use glam::DVec3;
 
 use super::Failure;
 use crate::bake::AssetBytes;
@@ -11,6 +12,7 @@ use crate::import::gltf::read_gltf;
 use crate::import::take::{LengthUnit, TakeOptions, UpAxis, read_take};
 use crate::import::{
     BvhOptions, ImportError, ImportErrorKind, Notice, Place, read_bvh_with, read_obj, read_ply,
+    read_ply_points,
 };
 use crate::model::{Avatar, Mesh, Motion};
 use crate::take::Take;
@@ -141,6 +143,23 @@ pub(crate) fn motion(path: &Path, reading: Reading) -> Result<(Motion, Vec<Notic
         (Loaded::Motion(motion), notices) => Ok((*motion, notices)),
         _ => Err(Failure::Usage(format!(
             "{}: a captured motion is needed; give a .bvh",
+            path.display()
+        ))),
+    }
+}
+
+/// Reads a frame of a moving mesh or point cloud: positions in metres, and triangles if any.
+pub(crate) fn frame(path: &Path, reading: Reading) -> Result<(Vec<DVec3>, Vec<[u32; 3]>), Failure> {
+    match any(path, reading) {
+        Ok((Loaded::Mesh(mesh), _)) => Ok((mesh.positions, mesh.triangles)),
+        Err(_) if path.extension().is_some_and(|ending| ending == "ply") => {
+            let unit = reading.unit.map_or(1.0, Unit::metres);
+            let points = read_ply_points(&read(path)?, &path.display().to_string(), unit)?;
+            Ok((points, Vec::new()))
+        }
+        Err(failure) => Err(failure),
+        Ok(_) => Err(Failure::Usage(format!(
+            "{}: a mesh or point cloud is needed; give a .ply or .obj",
             path.display()
         ))),
     }

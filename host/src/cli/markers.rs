@@ -22,12 +22,12 @@ use crate::take::Take;
 #[derive(Args, Clone, Default)]
 pub(crate) struct FromMarkers {
     /// A capture of dense markers on the body's skin (.c3d, .trc, .csv), labelled and without gaps:
-    /// learn how the skin follows them.
+    /// learn how the skin follows them. With --mode laplacian any capture that the scan follows.
     #[arg(long, value_name = "TAKE")]
     markers: Option<PathBuf>,
     /// How markers move the skin; without it, the cheapest that is as good as the best on markers
     /// and frames held out.
-    #[arg(long, requires = "markers")]
+    #[arg(long)]
     mode: Option<Wanted>,
     /// The frame (0 is the first) in which the subject stands in the mesh's rest pose; the first
     /// complete one without it.
@@ -43,6 +43,8 @@ enum Wanted {
     Collapsed,
     /// Skinning on frames fitted to the markers, displaced by what is left.
     Hybrid,
+    /// A scan without a skeleton that follows a few markers or a template.
+    Laplacian,
 }
 
 const fn word(mode: Mode) -> &'static str {
@@ -54,6 +56,16 @@ const fn word(mode: Mode) -> &'static str {
 }
 
 impl FromMarkers {
+    /// Whether a scan is to be baked instead of a body.
+    pub fn is_laplacian(&self) -> bool {
+        self.mode == Some(Wanted::Laplacian)
+    }
+
+    /// The capture's file.
+    pub fn take(&self) -> Option<&PathBuf> {
+        self.markers.as_ref()
+    }
+
     /// Learns the skin that is asked for, and says how good each mode is.
     pub fn learn(
         &self,
@@ -62,6 +74,10 @@ impl FromMarkers {
         say: &Say,
     ) -> Result<Option<(MarkerSkinData, Value)>, Failure> {
         let Some(path) = &self.markers else {
+            if self.mode.is_some() {
+                let text = "--mode parts, collapsed and hybrid need --markers TAKE to learn from";
+                return Err(Failure::Usage(text.into()));
+            }
             return Ok(None);
         };
         let (take, notices) = load::take(path, reading)?;
@@ -100,7 +116,7 @@ impl FromMarkers {
             Some(Wanted::Parts) => Mode::Exact,
             Some(Wanted::Collapsed) => Mode::Collapsed,
             Some(Wanted::Hybrid) => Mode::Hybrid,
-            None => best,
+            Some(Wanted::Laplacian) | None => best,
         };
         tell(&scores, best, mode, say);
         let (rig, data) = into_mode(learnt, mode);

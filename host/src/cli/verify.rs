@@ -10,7 +10,7 @@ use super::say::Say;
 use super::{Failure, load};
 use crate::model::Avatar;
 use crate::reference;
-use crate::verify::{CORE_LIMIT, VerifyReport, verify};
+use crate::verify::{CORE_LIMIT, VerifyReport, limit_of, verify};
 
 /// Check an asset: every byte, every clip against the f64 oracle, the same bits at every level.
 #[derive(Args)]
@@ -28,10 +28,11 @@ impl Verify {
             .map_err(|error| load::fault(&self.asset, &error))?;
         let truth = reference::unpack(&asset);
         let report = measure(&asset, &truth, say);
-        let object = to_json(&report, CORE_LIMIT);
-        if !report.passed(CORE_LIMIT) {
+        let limit = limit_of(&asset, CORE_LIMIT);
+        let object = to_json(&report, limit);
+        if !report.passed(limit) {
             say.object(&object);
-            let limit = report.limit(CORE_LIMIT) * 1e3;
+            let limit = report.limit(limit) * 1e3;
             return Err(Failure::Data(format!(
                 "{}: does not do what it should (limit {limit:.4} mm); bake it again",
                 self.asset.display()

@@ -8,6 +8,7 @@ mod body;
 pub mod bvh;
 pub mod c3d;
 mod error;
+mod frames;
 pub mod gif;
 pub mod glb;
 pub mod marker_csv;
@@ -22,6 +23,7 @@ pub mod trc;
 pub use atomic::write_atomic;
 pub use body::write_glb_of;
 pub use error::{ExportError, ExportErrorKind};
+pub use frames::{Frame, write_glb_frames};
 pub use npy::NpyWriter;
 
 #[cfg(test)]

@@ -23,7 +23,7 @@ pub mod trc;
 pub use bvh::{BvhOptions, BvhPositions, read_bvh, read_bvh_with};
 pub use error::{ImportError, ImportErrorKind, Notice, Place};
 pub use obj::read_obj;
-pub use ply::read_ply;
+pub use ply::{read_ply, read_ply_points};
 pub use raw::{
     Channel, Interpolation, RawAvatar, RawClip, RawJoint, RawMesh, RawMorph, RawMotion,
     RawPrimitive, RawSkeleton, RawSkin, RawTrack, Transform,

@@ -32,24 +32,57 @@ pub fn read_ply(
     file: &str,
     unit_metres: f64,
 ) -> Result<(RawMesh, Vec<Notice>), ImportError> {
-    let at = |(place, kind): (Place, ImportErrorKind)| kind.at(file, place);
+    let header = Header::read(bytes).map_err(|fault| at(file, fault))?;
+    let (mesh, values) = elements(bytes, &header, file, unit_metres)?;
+    mesh.finish(&values, file).map_err(|fault| at(file, fault))
+}
+
+/// Reads the vertices of a PLY file that may have no faces, as [`read_ply`] does: a point cloud.
+///
+/// # Errors
+/// As [`read_ply`], but for missing faces.
+pub fn read_ply_points(
+    bytes: &[u8],
+    file: &str,
+    unit_metres: f64,
+) -> Result<Vec<DVec3>, ImportError> {
+    let header = Header::read(bytes).map_err(|fault| at(file, fault))?;
+    let (mesh, _) = elements(bytes, &header, file, unit_metres)?;
+    if mesh.positions.is_empty() {
+        let what = "every vertex".to_owned();
+        return Err(ImportErrorKind::Missing { what }.at(file, Place::File));
+    }
+    Ok(mesh.positions)
+}
+
+fn at(file: &str, (place, kind): Fault) -> ImportError {
+    kind.at(file, place)
+}
+
+/// All elements, and what stands behind them.
+fn elements<'b>(
+    bytes: &'b [u8],
+    header: &Header,
+    file: &str,
+    unit_metres: f64,
+) -> Result<(Mesh, Values<'b>), ImportError> {
     let unit_metres = check_unit(unit_metres).map_err(|kind| kind.at(file, Place::File))?;
-    let header = Header::read(bytes).map_err(at)?;
-    let mut values = Values::new(bytes, &header);
+    let mut values = Values::new(bytes, header);
     let mut mesh = Mesh::default();
     for element in &header.elements {
-        header.fits(element, values.remaining()).map_err(at)?;
+        let fits = header.fits(element, values.remaining());
+        fits.map_err(|fault| at(file, fault))?;
         match element.name.as_str() {
             "vertex" if mesh.positions.is_empty() => {
-                let places = element.vertex_places().map_err(at)?;
+                let places = element.vertex_places().map_err(|fault| at(file, fault))?;
                 mesh.read_vertices(&mut values, element, &places, unit_metres)
             }
             "face" => mesh.read_faces(&mut values, element),
             _ => skip(&mut values, element),
         }
-        .map_err(at)?;
+        .map_err(|fault| at(file, fault))?;
     }
-    mesh.finish(&values, file).map_err(at)
+    Ok((mesh, values))
 }
 
 type Fault = (Place, ImportErrorKind);

@@ -144,6 +144,17 @@ pub struct Skin {
     pub influences: Vec<Vec<(u32, f64)>>,
 }
 
+impl Skin {
+    /// Keeps the `most` heaviest influences of each vertex, weights summing to one again.
+    pub fn limit(&mut self, most: usize) {
+        for row in &mut self.influences {
+            row.truncate(most.max(1));
+            let sum: f64 = row.iter().map(|&(_, weight)| weight).sum();
+            row.iter_mut().for_each(|(_, weight)| *weight /= sum);
+        }
+    }
+}
+
 /// One animated channel of one joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Track {

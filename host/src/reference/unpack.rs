@@ -2,6 +2,7 @@
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use sinew_core::asset::{self, Asset, LANES, WEIGHT_ONE};
+use sinew_core::deform::{rest_shape, rest_tangents};
 
 use crate::model::{
     Avatar, Bind, Channel, Clip, Interpolation, Joint, Mesh, Morph, MorphTrack, Part, Skeleton,
@@ -57,26 +58,24 @@ fn skeleton(asset: &Asset<'_>) -> Skeleton {
 
 fn mesh(asset: &Asset<'_>) -> Mesh {
     let order = asset.source_order();
-    let vector = |blocks: &[asset::Lanes3], at: usize| {
-        let [x, y, z] = &blocks[at / LANES];
-        DVec3::new(
-            x[at % LANES].into(),
-            y[at % LANES].into(),
-            z[at % LANES].into(),
-        )
-    };
     let mut positions = vec![DVec3::ZERO; order.len()];
     let mut normals = positions.clone();
-    for (at, &source) in order.iter().enumerate() {
-        positions[source as usize] = vector(asset.rest_positions(), at);
-        normals[source as usize] = vector(asset.rest_normals(), at);
+    for (block, sources) in order.chunks(LANES).enumerate() {
+        let (points, directions) = rest_shape(asset, block);
+        for (lane, &source) in sources.iter().enumerate() {
+            let of = |[x, y, z]: &asset::Lanes3| {
+                DVec3::new(x[lane].into(), y[lane].into(), z[lane].into())
+            };
+            positions[source as usize] = of(&points);
+            normals[source as usize] = of(&directions);
+        }
     }
     let triangles = asset.triangles().iter();
     Mesh {
         name: String::new(),
         positions,
         normals,
-        tangents: None,
+        tangents: tangents(asset),
         texcoords: None,
         triangles: triangles.map(|t| t.map(|at| order[at as usize])).collect(),
         parts: asset
@@ -88,6 +87,18 @@ fn mesh(asset: &Asset<'_>) -> Mesh {
             .collect(),
         morphs: morphs(asset),
     }
+}
+
+fn tangents(asset: &Asset<'_>) -> Option<Vec<[f64; 4]>> {
+    let order = asset.source_order();
+    let mut tangents = vec![[0.0; 4]; order.len()];
+    for (block, sources) in order.chunks(LANES).enumerate() {
+        let [x, y, z, w] = rest_tangents(asset, block)?;
+        for (lane, &source) in sources.iter().enumerate() {
+            tangents[source as usize] = [x[lane], y[lane], z[lane], w[lane]].map(f64::from);
+        }
+    }
+    Some(tangents)
 }
 
 fn morphs(asset: &Asset<'_>) -> Vec<Morph> {

@@ -8,6 +8,7 @@
 #![forbid(unsafe_code)]
 
 mod memory;
+pub mod modes;
 pub mod rope;
 pub mod skin;
 
@@ -52,6 +53,7 @@ pub type Run = fn(&[u8], Level, &mut [f32], &mut Unmeasured) -> Result<u64, Faul
 
 /// All stages by name.
 pub const ALL: &[(&str, Run)] = &[
+    ("modes", modes::run::<Unmeasured>),
     ("rope", rope::run::<Unmeasured>),
     ("skin", skin::run::<Unmeasured>),
 ];

@@ -1,22 +1,63 @@
 //! The one pass that proves an asset's contents sound: one file a group of sections.
 
 mod blocks;
+mod bounds;
 mod clips;
+mod laplacian;
+mod levels;
 mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
+mod shapes;
 mod skeleton;
 
+use super::bounds::RestBounds;
+use super::laplacian::LaplacianView;
+use super::levels::Levels;
 use super::packed::Packed;
-use super::sections::Sections;
+use super::sections::{Sections, check_header, check_sum};
+use super::shapes::Shapes;
 use super::{Asset, AssetError, SectionKind, Triangles};
 
 /// Header, then section table, then contents; nothing is read before what it depends on is proved.
 pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
+    let asset = contents(bytes)?;
+    levels::table(&asset)?;
+    for (row, place) in asset.levels.table.iter().enumerate() {
+        let level = contents(asset.levels.bytes_of(place))?;
+        levels::fits(&asset, &level, row)?;
+    }
+    Ok(asset)
+}
+
+/// All but coarser levels.
+fn contents(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
+    check_header(bytes)?;
+    check_sum(bytes)?;
     let sections = Sections::find(bytes)?;
+    let mut asset = all_views(&sections)?;
+    skeleton::check(&asset)?;
+    mesh::check(&asset)?;
+    blocks::check(&asset)?;
+    shapes::check(&asset)?;
+    morphs::check(&asset)?;
+    bounds::check(&asset)?;
+    clips::check(&asset)?;
+    laplacian::check(&asset)?;
+    packed::check(&asset)?;
+    asset.marker_skin = marker_skin::check(&asset, &sections)?;
+    Ok(asset)
+}
+
+/// Views into bytes whose header and checksum are sound; contents are not looked at.
+pub(super) fn views(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
+    all_views(&Sections::find(bytes)?)
+}
+
+fn all_views<'a>(sections: &Sections<'a>) -> Result<Asset<'a>, AssetError> {
     let dims = sections.dims;
-    let mut asset = Asset {
+    Ok(Asset {
         dims,
         parents: sections.view(SectionKind::Parents)?,
         rest: sections.view(SectionKind::Rest)?,
@@ -51,17 +92,27 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         },
         joint_names: sections.view(SectionKind::JointNames)?,
         names: sections.view(SectionKind::Names)?,
+        shapes: Shapes {
+            boxes: sections.view(SectionKind::PackedBoxes)?,
+            positions: sections.view(SectionKind::PackedPositions)?,
+            normals: sections.view(SectionKind::PackedNormals)?,
+            tangents: sections.view(SectionKind::Tangents)?,
+            tangent_signs: sections.view(SectionKind::TangentSigns)?,
+        },
+        rest_bounds: RestBounds {
+            boxes: sections.view(SectionKind::BindBoxes)?,
+            pairs: sections.view(SectionKind::BindPairs)?,
+            pair_boxes: sections.view(SectionKind::PairBoxes)?,
+        },
+        levels: Levels {
+            table: sections.view(SectionKind::Levels)?,
+            data: sections.view(SectionKind::LevelData)?,
+            sources: sections.view(SectionKind::LevelSources)?,
+        },
+        laplacian: LaplacianView::find(sections)?,
         marker_skin: None,
         marker_names: sections.view(SectionKind::MarkerNames)?,
-    };
-    skeleton::check(&asset)?;
-    mesh::check(&asset)?;
-    blocks::check(&asset)?;
-    morphs::check(&asset)?;
-    clips::check(&asset)?;
-    packed::check(&asset)?;
-    asset.marker_skin = marker_skin::check(&asset, &sections)?;
-    Ok(asset)
+    })
 }
 
 fn below(section: SectionKind, row: usize, value: usize, limit: usize) -> Result<(), AssetError> {

@@ -63,6 +63,11 @@ impl<'a> Collapsed<'a> {
         Ok(Self { parts })
     }
 
+    /// Tables that were checked before.
+    pub(crate) const fn proved(parts: CollapsedParts<'a>) -> Self {
+        Self { parts }
+    }
+
     /// The tables.
     #[must_use]
     pub fn parts(&self) -> &CollapsedParts<'a> {
@@ -121,6 +126,16 @@ impl<'a> Collapsed<'a> {
     pub fn handles<B: BorrowMut<[f32]>>(
         &self,
         poses: &[MarkerPose],
+        state: &mut TurnState<B>,
+        handles: &mut [Affine12],
+    ) -> Result<TurnReport, SizeError> {
+        self.handles_of(|marker| poses.get(marker).copied(), state, handles)
+    }
+
+    /// As [`Self::handles`], with the pose of a marker wherever it comes from.
+    pub(crate) fn handles_of<B: BorrowMut<[f32]>>(
+        &self,
+        poses: impl Fn(usize) -> Option<MarkerPose>,
         state: &mut TurnState<B>,
         handles: &mut [Affine12],
     ) -> Result<TurnReport, SizeError> {

@@ -2,19 +2,25 @@
 
 use core::borrow::BorrowMut;
 
-use super::super::output::{Output, SizeError};
+use super::super::output::{Output, SizeError, VertexOrder, Writer};
 use super::LaplacianError;
 use super::exact_check;
 use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, marker_frame, position_of};
 use crate::Level;
+use crate::asset::Lanes3;
 use crate::math::{Affine12, transform_point, transform_vector};
 use crate::solve::sparse::{Factor, FactorParts, Row4};
 
-/// Tables of an exact deformer. Rows are vertices in the order of the factors.
+/// Tables of an exact deformer. Rows are places of the surface in the order of the factors; several
+/// vertices may share one, as along the seams of a texture.
 #[derive(Clone, Copy, Debug)]
 pub struct ExactParts<'a> {
-    /// `[rows]`: vertex of each row, each once.
+    /// `[vertices]`: vertex of each lane, block after block, each once.
     pub order: &'a [u32],
+    /// `[vertices]`: row of each lane.
+    pub lane_rows: &'a [u32],
+    /// `[blocks]`, or empty where no normals are wanted: at rest, unit length.
+    pub rest_normals: &'a [Lanes3],
     /// `[rows]`: rest position x y z in metres, and the inverse of the mass.
     pub rest: &'a [[f32; 4]],
     /// `[rows]`: `L v` at rest; the fourth number is not used.
@@ -69,9 +75,28 @@ impl<'a> Exact<'a> {
         })
     }
 
-    /// Number of vertices.
+    /// Tables that were checked before.
+    pub(crate) const fn proved(
+        parts: ExactParts<'a>,
+        harmonic: Factor<'a>,
+        bilaplacian: Factor<'a>,
+    ) -> Self {
+        Self {
+            parts,
+            harmonic,
+            bilaplacian,
+        }
+    }
+
+    /// Number of places that are solved for.
     #[must_use]
     pub fn row_count(&self) -> usize {
+        self.parts.rest.len()
+    }
+
+    /// Number of vertices.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
         self.parts.order.len()
     }
 
@@ -95,11 +120,12 @@ impl<'a> Exact<'a> {
         let rows = self.row_count();
         4 * self.harmonic.multiply_adds()
             + 150 * rows
+            + 30 * self.vertex_count()
             + (solve + 30 * rows).saturating_mul(refinements.saturating_add(1))
     }
 
     /// Moves the surface to the markers: positions in metres, in the output's order; normals turn
-    /// with their vertices where `rest_normals` (`[rows]`) are given.
+    /// with their vertices.
     ///
     /// `poses`: `[markers]`; missing ones are held. `workspace`: [`exact_workspace_len`] numbers,
     /// old contents do not matter. `state`: [`super::turn_state_len`] of markers and rows.
@@ -108,11 +134,23 @@ impl<'a> Exact<'a> {
     ///
     /// # Errors
     /// [`SizeError`] where the state, the workspace or the output is too small.
-    #[expect(clippy::too_many_arguments, reason = "a job over borrowed buffers")]
     pub fn step<B: BorrowMut<[f32]>>(
         &self,
         poses: &[MarkerPose],
-        rest_normals: &[[f32; 3]],
+        refinements: usize,
+        level: Level,
+        state: &mut TurnState<B>,
+        workspace: &mut [f32],
+        output: &mut Output<'_>,
+    ) -> Result<TurnReport, SizeError> {
+        let poses = |marker: usize| poses.get(marker).copied();
+        self.step_of(poses, refinements, level, state, workspace, output)
+    }
+
+    /// As [`Self::step`], with the pose of a marker wherever it comes from.
+    pub(crate) fn step_of<B: BorrowMut<[f32]>>(
+        &self,
+        poses: impl Fn(usize) -> Option<MarkerPose>,
         refinements: usize,
         level: Level,
         state: &mut TurnState<B>,
@@ -127,9 +165,11 @@ impl<'a> Exact<'a> {
             needed,
             found,
         };
-        if output.vertex_count() != rows {
-            return Err(short("output", rows, output.vertex_count()));
+        let (vertices, found_vertices) = (self.vertex_count(), output.vertex_count());
+        if found_vertices != vertices {
+            return Err(short("output", vertices, found_vertices));
         }
+        let by_source = output.order == VertexOrder::Source;
         let mut to = output.writer();
         let workspace = workspace.get_mut(..needed);
         let workspace = workspace.ok_or(short("workspace", needed, found))?;
@@ -154,14 +194,10 @@ impl<'a> Exact<'a> {
             turns.rebase(|_, row| turned.get(row).copied().unwrap_or_default());
             report.rebased = true;
         }
-        for (row, (turned, output_row)) in turned.iter_mut().zip(self.parts.order).enumerate() {
-            let matrix = frame(*turned, [0.0; 3]);
-            if let Some(&normal) = rest_normals.get(row) {
-                to.put_normal(*output_row as usize, transform_vector(&matrix, normal));
-            }
-            let differential = self.parts.differential.get(row);
-            let [x, y, z, _] = differential.copied().unwrap_or_default();
-            let [x, y, z] = transform_vector(&matrix, [x, y, z]);
+        self.turn_normals(turned, by_source, &mut to);
+        for (turned, differential) in turned.iter_mut().zip(self.parts.differential) {
+            let &[x, y, z, _] = differential;
+            let [x, y, z] = transform_vector(&frame(*turned, [0.0; 3]), [x, y, z]);
             *turned = [x, y, z, 0.0];
         }
         for _ in 0..=refinements {
@@ -172,10 +208,32 @@ impl<'a> Exact<'a> {
                 *position = add(*position, *change);
             }
         }
-        for (&[x, y, z, _], &vertex) in position.iter().zip(self.parts.order) {
-            to.put_position(vertex as usize, [x, y, z]);
+        for (place, row) in self.places(by_source) {
+            let [x, y, z, _] = position.get(row).copied().unwrap_or_default();
+            to.put_position(place, [x, y, z]);
         }
         Ok(report)
+    }
+
+    /// Where each lane goes in the output, and its row.
+    fn places(&self, by_source: bool) -> impl Iterator<Item = (usize, usize)> + use<'a> {
+        let lanes = self.parts.order.iter().zip(self.parts.lane_rows);
+        lanes.enumerate().map(move |(lane, (&vertex, &row))| {
+            let place = if by_source { vertex as usize } else { lane };
+            (place, row as usize)
+        })
+    }
+
+    fn turn_normals(&self, turned: &[Row4], by_source: bool, to: &mut Writer<'_>) {
+        let lanes = self.parts.rest_normals.iter().flat_map(|[x, y, z]| {
+            let normals = x.iter().zip(y).zip(z);
+            normals.map(|((&x, &y), &z)| [x, y, z])
+        });
+        for ((place, row), normal) in self.places(by_source).zip(lanes) {
+            let turn = turned.get(row).copied().unwrap_or_default();
+            let matrix = frame(turn, [0.0; 3]);
+            to.put_normal(place, transform_vector(&matrix, normal));
+        }
     }
 
     /// Harmonic fields of the quaternions' components (Zayer et al. 2005): `L q = 0` with the

@@ -3,14 +3,21 @@
 use super::error::{below, length, numbers, starts};
 use super::exact::ExactParts;
 use super::{LaplacianError, Table};
+use crate::asset::LANES;
 use crate::solve::sparse::{Factor, FactorParts};
 
 /// The checked factors.
 pub(super) fn check<'a>(
     parts: &ExactParts<'a>,
 ) -> Result<(Factor<'a>, Factor<'a>), LaplacianError> {
-    let rows = parts.order.len();
-    length(Table::Rest, parts.rest.len(), rows)?;
+    let (rows, vertices) = (parts.rest.len(), parts.order.len());
+    length(Table::Order, parts.lane_rows.len(), vertices)?;
+    if !parts.rest_normals.is_empty() {
+        let blocks = vertices.div_ceil(LANES);
+        length(Table::Normals, parts.rest_normals.len(), blocks)?;
+        let normals = parts.rest_normals.as_flattened().as_flattened();
+        numbers(Table::Normals, normals)?;
+    }
     length(Table::Differential, parts.differential.len(), rows)?;
     length(Table::Guide, parts.guide_markers.len(), rows)?;
     length(Table::Guide, parts.guide_weights.len(), rows)?;
@@ -18,7 +25,8 @@ pub(super) fn check<'a>(
     starts(parts.starts, rows, parts.neighbours.len())?;
     let markers = parts.marker_rows.len();
     let index = |&index: &u32| index as usize;
-    below(Table::Order, parts.order.iter().map(index), rows)?;
+    below(Table::Order, parts.order.iter().map(index), vertices)?;
+    below(Table::Order, parts.lane_rows.iter().map(index), rows)?;
     below(Table::Neighbours, parts.neighbours.iter().map(index), rows)?;
     below(Table::Markers, parts.marker_rows.iter().map(index), rows)?;
     if markers == 0 || markers > usize::from(u16::MAX) {

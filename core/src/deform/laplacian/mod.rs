@@ -20,4 +20,5 @@ mod turns;
 pub use collapsed::{Collapsed, CollapsedParts};
 pub use error::{LaplacianError, Table};
 pub use exact::{Exact, ExactParts, exact_workspace_len};
+pub(crate) use turns::TurnStage;
 pub use turns::{MarkerPose, TurnReport, TurnState, turn_state_len};

@@ -2,7 +2,8 @@
 //!
 //! A rotation has two quaternions, and blending them needs the right one. The first frame chooses
 //! signs along the marker tree; after that each marker stays with the sign that is nearer to its
-//! last one, so turns of the whole body may go on for ever.
+//! last one, so turns of the whole body may go on for ever. A frame in which most markers jump is
+//! taken for a cut, and starts anew.
 //!
 //! Where two neighbouring markers turn against each other by more than [`LIMIT`], blends of their
 //! quaternions come near zero. The paper then takes the pose before as the new reference; here the
@@ -18,6 +19,10 @@ use crate::math::{Quat4, conjugate, dot4, normalise, quaternion_product};
 /// Cosine of half the angle between neighbours at which the base moves: 200 degrees. Joints of a
 /// body do not reach it, so ordinary motion never depends on its history.
 const LIMIT: f32 = -0.173_648_18;
+
+/// Cosine of half the turn of a marker between two frames beyond which nobody can say which way it
+/// went: 90 degrees. Where most markers do that, signs are chosen anew, as after a cut.
+const CUT: f32 = 0.707_106_77;
 
 /// Positions beyond this are damage, metres.
 const FAR: f32 = 1e6;
@@ -49,8 +54,24 @@ pub struct TurnReport {
 #[derive(Clone, Debug)]
 pub struct TurnState<B> {
     numbers: B,
+    stage: TurnStage,
+}
+
+/// What a [`TurnState`]'s numbers hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub(crate) struct TurnStage {
+    /// Poses of markers.
     started: bool,
+    /// A base.
     based: bool,
+}
+
+impl TurnStage {
+    pub const NEW: Self = Self {
+        started: false,
+        based: false,
+    };
 }
 
 /// Numbers of a [`TurnState`] for `markers` markers and `rows` rows.
@@ -77,17 +98,21 @@ impl<B> TurnState<B> {
     /// A state in the caller's memory; old contents do not matter.
     #[must_use]
     pub const fn with(numbers: B) -> Self {
-        Self {
-            numbers,
-            started: false,
-            based: false,
-        }
+        Self::resumed(numbers, TurnStage::NEW)
+    }
+
+    /// A state whose numbers and stage were kept apart.
+    pub(crate) const fn resumed(numbers: B, stage: TurnStage) -> Self {
+        Self { numbers, stage }
+    }
+
+    pub(crate) const fn stage(&self) -> TurnStage {
+        self.stage
     }
 
     /// Forgets everything: the next frame starts anew, as after a cut.
     pub const fn reset(&mut self) {
-        self.started = false;
-        self.based = false;
+        self.stage = TurnStage::NEW;
     }
 }
 
@@ -97,8 +122,7 @@ pub(super) struct Turns<'s> {
     pub markers: &'s mut [[f32; 8]],
     base: &'s mut [Quat4],
     rows: &'s mut [Quat4],
-    started: &'s mut bool,
-    based: &'s mut bool,
+    stage: &'s mut TurnStage,
 }
 
 impl<B: BorrowMut<[f32]>> TurnState<B> {
@@ -118,8 +142,7 @@ impl<B: BorrowMut<[f32]>> TurnState<B> {
             markers: held.as_chunks_mut().0,
             base: base.as_chunks_mut().0,
             rows: rows.as_chunks_mut().0,
-            started: &mut self.started,
-            based: &mut self.based,
+            stage: &mut self.stage,
         })
     }
 }
@@ -129,27 +152,30 @@ impl Turns<'_> {
     /// other) pairs of neighbouring markers, a tree from the first one's root on.
     pub fn follow(
         &mut self,
-        poses: &[MarkerPose],
+        poses: impl Fn(usize) -> Option<MarkerPose>,
         rest: impl Fn(usize) -> [f32; 3],
         edges: &[[u16; 2]],
     ) -> TurnReport {
         let mut report = TurnReport::default();
-        let first = !*self.started;
+        let first = !self.stage.started;
         if first {
-            *self.started = true;
-            *self.based = false;
+            self.stage.started = true;
+            self.stage.based = false;
             for (marker, held) in self.markers.iter_mut().enumerate() {
                 let [x, y, z] = rest(marker);
                 *held = [x, y, z, 0.0, 0.0, 0.0, 0.0, 1.0];
             }
         }
+        let mut jumps = 0;
         for (marker, held) in self.markers.iter_mut().enumerate() {
-            let Some((position, rotation)) = poses.get(marker).and_then(usable) else {
+            let Some((position, rotation)) = poses(marker).as_ref().and_then(usable) else {
                 report.held_markers += 1;
                 continue;
             };
             let last = rotation_of(held);
-            let rotation = if !first && dot4(rotation, last) < 0.0 {
+            let along = dot4(rotation, last);
+            jumps += usize::from(-CUT < along && along < CUT);
+            let rotation = if !first && along < 0.0 {
                 rotation.map(|x| -x)
             } else {
                 rotation
@@ -157,7 +183,9 @@ impl Turns<'_> {
             let ([x, y, z], [a, b, c, d]) = (position, rotation);
             *held = [x, y, z, 0.0, a, b, c, d];
         }
-        if first {
+        let cut = 2 * jumps > self.markers.len();
+        if first || cut {
+            self.stage.based = false;
             for &[one, other] in edges {
                 let Some(one) = self.markers.get(usize::from(one)).map(rotation_of) else {
                     continue;
@@ -177,14 +205,14 @@ impl Turns<'_> {
     pub fn since_base(&self, marker: usize) -> Quat4 {
         let rotation = self.markers.get(marker).map_or(NO_TURN, rotation_of);
         match self.base.get(marker) {
-            Some(&base) if *self.based => quaternion_product(rotation, conjugate(base)),
+            Some(&base) if self.stage.based => quaternion_product(rotation, conjugate(base)),
             _ => rotation,
         }
     }
 
     /// Rotation of a row from the blend of what its markers turned since the base.
     pub fn row(&self, row: usize, blend: Quat4) -> Quat4 {
-        let base = self.rows.get(row).copied().filter(|_| *self.based);
+        let base = self.rows.get(row).copied().filter(|_| self.stage.based);
         match (normalise(blend), base) {
             (Some(turn), Some(base)) => quaternion_product(turn, base),
             (Some(turn), None) => turn,
@@ -212,7 +240,7 @@ impl Turns<'_> {
         for (base, held) in self.base.iter_mut().zip(&*self.markers) {
             *base = rotation_of(held);
         }
-        *self.based = true;
+        self.stage.based = true;
     }
 }
 

@@ -4,7 +4,7 @@ use super::error::{below, length, numbers, starts};
 use super::{PartsError, PartsTable};
 use crate::asset::{LANES, Lanes3, WEIGHT_ONE};
 use crate::deform::lanes::Lanes;
-use crate::deform::skin::{Slots, load};
+use crate::deform::skin::Slots;
 
 /// Largest coefficient of a marker; beyond it noise would be magnified to nonsense.
 const LARGEST: f32 = 1e4;
@@ -150,13 +150,13 @@ impl<'a> PartBlocks<'a> {
     /// Rest positions of some lanes.
     #[inline(always)]
     pub(super) fn position<L: Lanes>(&self, token: L::Token, block: usize, first: usize) -> [L; 3] {
-        load(token, self.positions.get(block).unwrap_or(&ORIGIN), first)
+        L::load3(token, self.positions.get(block).unwrap_or(&ORIGIN), first)
     }
 
     /// Rest normals of some lanes.
     #[inline(always)]
     pub(super) fn normal<L: Lanes>(&self, token: L::Token, block: usize, first: usize) -> [L; 3] {
-        load(token, self.normals.get(block).unwrap_or(&ORIGIN), first)
+        L::load3(token, self.normals.get(block).unwrap_or(&ORIGIN), first)
     }
 }
 

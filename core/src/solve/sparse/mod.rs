@@ -91,6 +91,11 @@ impl<'a> Factor<'a> {
         Ok(Self { parts })
     }
 
+    /// Arrays that were checked before.
+    pub(crate) const fn proved(parts: FactorParts<'a>) -> Self {
+        Self { parts }
+    }
+
     /// Rows and columns of the matrix.
     #[must_use]
     pub fn size(&self) -> usize {

@@ -6,14 +6,17 @@
 //! which were not fitted stay sane. Both reproduce rigid motion of the whole body exactly.
 
 pub(crate) mod blocks;
-mod least_squares;
+pub(super) mod least_squares;
+mod tables;
 
 use glam::{DMat3, DQuat, DVec3};
-use sinew_core::asset::{LANES, Lanes3};
-use sinew_core::deform::laplacian::{Collapsed, CollapsedParts, LaplacianError};
+use sinew_core::asset::LANES;
 
 use self::least_squares::{Fit, Frame};
+pub use self::tables::CollapsedTables;
 use super::graph::Graph;
+use super::rig::lanes;
+use super::volume::Restorer;
 use super::{LaplaceError, MarkerTarget, Surface};
 use crate::reference::laplacian::positions;
 
@@ -28,6 +31,8 @@ pub struct CollapseOptions {
     pub handles_a_block: usize,
     /// Pull toward blended rigid motion, as a part of the mean square of the fitted terms.
     pub ridge: f64,
+    /// Fit to poses whose volume was restored ([`super::volume`]).
+    pub keep_volume: bool,
 }
 
 impl Default for CollapseOptions {
@@ -37,6 +42,7 @@ impl Default for CollapseOptions {
             markers_a_virtual_handle: 16,
             handles_a_block: 8,
             ridge: 1e-6,
+            keep_volume: false,
         }
     }
 }
@@ -50,106 +56,6 @@ pub struct CollapseReport {
     pub percentile_99: f64,
     /// Largest.
     pub max: f64,
-}
-
-/// Owned tables of [`Collapsed`]; the fields are those of [`CollapsedParts`].
-#[derive(Clone, Debug, Default, PartialEq)]
-#[expect(missing_docs, reason = "each field is documented in CollapsedParts")]
-pub struct CollapsedTables {
-    pub marker_rest: Vec<[f32; 3]>,
-    pub marker_edges: Vec<[u16; 2]>,
-    pub virtual_starts: Vec<u32>,
-    pub virtual_markers: Vec<u16>,
-    pub virtual_turns: Vec<f32>,
-    pub virtual_coefficients: Vec<[f32; 4]>,
-    pub order: Vec<u32>,
-    pub block_starts: Vec<u32>,
-    pub slot_handles: Vec<u16>,
-    pub slot_coefficients: Vec<[[f32; LANES]; 4]>,
-    pub rest_normals: Vec<Lanes3>,
-}
-
-impl CollapsedTables {
-    /// The core's view, checked.
-    ///
-    /// # Errors
-    /// What the core refuses.
-    pub fn collapsed(&self) -> Result<Collapsed<'_>, LaplacianError> {
-        Collapsed::new_checked(CollapsedParts {
-            marker_rest: &self.marker_rest,
-            marker_edges: &self.marker_edges,
-            virtual_starts: &self.virtual_starts,
-            virtual_markers: &self.virtual_markers,
-            virtual_turns: &self.virtual_turns,
-            virtual_coefficients: &self.virtual_coefficients,
-            order: &self.order,
-            block_starts: &self.block_starts,
-            slot_handles: &self.slot_handles,
-            slot_coefficients: &self.slot_coefficients,
-            rest_normals: &self.rest_normals,
-        })
-    }
-
-    /// Frames of all handles in a pose, in `f64`: markers, then virtual handles.
-    #[must_use]
-    pub fn handle_frames(&self, surface: &Surface, targets: &[MarkerTarget]) -> Vec<Frame> {
-        let signs = crate::reference::laplacian::consistent_signs(targets, &surface.marker_edges);
-        let mut frames: Vec<Frame> = targets
-            .iter()
-            .zip(&signs)
-            .map(|(target, &rotation)| Frame {
-                rotation: DMat3::from_quat(rotation),
-                position: target.position,
-            })
-            .collect();
-        for pair in self.virtual_starts.windows(2) {
-            let (mut blend, mut position) = ([0.0; 4], DVec3::ZERO);
-            for entry in pair[0] as usize..pair[1] as usize {
-                let marker = usize::from(self.virtual_markers[entry]);
-                let share = f64::from(self.virtual_turns[entry]);
-                for (sum, x) in blend.iter_mut().zip(signs[marker].to_array()) {
-                    *sum += share * x;
-                }
-                position += frames[marker].apply(self.virtual_coefficients[entry].map(f64::from));
-            }
-            frames.push(Frame {
-                rotation: DMat3::from_quat(DQuat::from_array(blend).normalize()),
-                position,
-            });
-        }
-        frames
-    }
-
-    /// Vertices in a pose, in `f64`: the oracle of the core's stream. `[vertices]`, metres.
-    #[must_use]
-    pub fn positions(&self, surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
-        let frames = self.handle_frames(surface, targets);
-        let mut positions = vec![DVec3::ZERO; self.order.len()];
-        for (block, vertices) in self.order.chunks(LANES).enumerate() {
-            let slots = self.block_starts[block] as usize..self.block_starts[block + 1] as usize;
-            for slot in slots {
-                let frame = &frames[usize::from(self.slot_handles[slot])];
-                let coefficients = &self.slot_coefficients[slot];
-                for (lane, &vertex) in vertices.iter().enumerate() {
-                    let coefficients = [0, 1, 2, 3].map(|k| f64::from(coefficients[k][lane]));
-                    positions[vertex as usize] += frame.apply(coefficients);
-                }
-            }
-        }
-        positions
-    }
-
-    /// Difference to the exact surface over poses.
-    #[must_use]
-    pub fn compare(&self, surface: &Surface, poses: &[Vec<MarkerTarget>]) -> CollapseReport {
-        let mut errors: Vec<f64> = Vec::new();
-        for targets in poses {
-            let exact = positions(surface, targets);
-            let collapsed = self.positions(surface, targets);
-            errors.extend(exact.iter().zip(collapsed).map(|(a, b)| a.distance(b)));
-        }
-        CollapseReport::new(errors)
-    }
 }
 
 impl CollapseReport {
@@ -206,7 +112,7 @@ pub fn collapse(
     });
     let mut all = vec![at_rest.collect::<Vec<_>>()];
     all.extend_from_slice(poses);
-    let exact: Vec<Vec<DVec3>> = all.iter().map(|pose| positions(surface, pose)).collect();
+    let exact = shapes(surface, triangles, &all, options);
 
     let graph = Graph::new(&surface.positions, triangles);
     let chosen = graph.spread(&surface.markers, options.virtual_handles);
@@ -249,14 +155,27 @@ pub fn collapse(
         }
         tables.block_starts.push(tables.slot_handles.len() as u32);
         if !normals.is_empty() {
-            // Lanes beyond the last vertex repeat it.
-            let at = |lane: usize| normals[vertices[lane.min(vertices.len() - 1)] as usize];
-            tables.rest_normals.push(
-                [0, 1, 2].map(|axis| std::array::from_fn(|lane| at(lane).to_array()[axis] as f32)),
-            );
+            tables
+                .rest_normals
+                .push(lanes(vertices, |vertex| normals[vertex]));
         }
     }
     Ok(tables)
+}
+
+/// The surfaces to fit to.
+fn shapes(
+    surface: &Surface,
+    triangles: &[[u32; 3]],
+    poses: &[Vec<MarkerTarget>],
+    options: &CollapseOptions,
+) -> Vec<Vec<DVec3>> {
+    let mut shapes: Vec<Vec<DVec3>> = poses.iter().map(|pose| positions(surface, pose)).collect();
+    if options.keep_volume {
+        let restorer = Restorer::new(&surface.positions, triangles);
+        shapes.iter_mut().for_each(|shape| restorer.restore(shape));
+    }
+    shapes
 }
 
 /// Fits with more and more handles until the surface in `held_out` poses is close enough, and says
@@ -272,16 +191,18 @@ pub fn collapse_within(
     normals: &[DVec3],
     poses: &[Vec<MarkerTarget>],
     held_out: &[Vec<MarkerTarget>],
+    start: &CollapseOptions,
     tolerance: f64,
 ) -> Result<(CollapsedTables, CollapseOptions, CollapseReport), LaplaceError> {
+    let exact = shapes(surface, triangles, held_out, start);
     let mut handles_a_block = 8;
     loop {
         let options = CollapseOptions {
             handles_a_block,
-            ..CollapseOptions::default()
+            ..*start
         };
         let tables = collapse(surface, triangles, normals, poses, &options)?;
-        let report = tables.compare(surface, held_out);
+        let report = tables.compare_with(surface, held_out, &exact);
         handles_a_block = match handles_a_block {
             8 => 12,
             12 => 16,

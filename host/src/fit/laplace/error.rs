@@ -65,6 +65,33 @@ pub enum LaplaceError {
         /// Markers of the rig.
         needed: usize,
     },
+    /// A marker that is not seen all the time.
+    #[error("marker {marker} is missing in frame {frame}; fill gaps first (sinew clean)")]
+    Gap {
+        /// Its label.
+        marker: String,
+        /// Frame of the take, from 0.
+        frame: usize,
+    },
+    /// A template that cannot move anything.
+    #[error(
+        "the template has no points, no frames, or frames with other numbers of points; export it again"
+    )]
+    NoTemplate,
+    /// Points without extent.
+    #[error("the {what} has no extent to align by; give pairs of markers in a file")]
+    Flat {
+        /// Template or scan.
+        what: &'static str,
+    },
+    /// A line of a marker file that cannot be used.
+    #[error("line {line} of the marker file: {why}")]
+    MarkerLine {
+        /// Counted from 1.
+        line: usize,
+        /// What is wrong and what to do.
+        why: String,
+    },
     /// The system has no unique solution in floating point.
     #[error("the system cannot be factored: triangles are too distorted; repair the mesh first")]
     NotPositiveDefinite,

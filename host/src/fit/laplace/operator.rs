@@ -10,9 +10,9 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 /// Edge lengths are grown by this part of their mean before angles are taken, which gives
-/// degenerate triangles finite cotangents and changes the others by less than scans are accurate
-/// (intrinsic mollification, Sharp & Crane 2020).
-const MOLLIFICATION: f64 = 1e-5;
+/// degenerate triangles cotangents of at most about twenty, so that 32-bit solves bear slivers, and
+/// changes the others by a thousandth (intrinsic mollification, Sharp & Crane 2020).
+const MOLLIFICATION: f64 = 1e-3;
 
 /// Mass of a vertex is at least this part of the mean: its inverse enters the system.
 const SMALLEST_MASS: f64 = 0.05;
@@ -191,11 +191,11 @@ mod tests {
         let row: Vec<_> = laplacian.row(0).collect();
         assert_eq!(row.iter().map(|r| r.0).collect::<Vec<_>>(), [1, 2, 3]);
         for ((_, weight), want) in row.iter().zip([0.5, 0.0, 0.5]) {
-            assert!((weight - want).abs() < 1e-4, "{weight}");
+            assert!((weight - want).abs() < 2e-3, "{weight}");
         }
         // Corners 0 and 2 touch both triangles.
-        assert!((laplacian.mass[0] - 4.0 / 3.0).abs() < 1e-4);
-        assert!((laplacian.mass[1] - 2.0 / 3.0).abs() < 1e-4);
+        assert!((laplacian.mass[0] - 4.0 / 3.0).abs() < 2e-3);
+        assert!((laplacian.mass[1] - 2.0 / 3.0).abs() < 2e-3);
     }
 
     #[test]
@@ -208,7 +208,7 @@ mod tests {
         }));
         let triangles: Vec<_> = (0..6).map(|k| [0, 1 + k, 1 + (k + 1) % 6]).collect();
         let laplacian = Laplacian::new(&positions, &triangles);
-        assert!(laplacian.apply(&positions)[0].length() < 1e-3);
+        assert!(laplacian.apply(&positions)[0].length() < 5e-3);
     }
 
     #[test]

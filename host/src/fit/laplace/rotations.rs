@@ -139,6 +139,44 @@ pub fn nearest_markers(distances: &[Vec<f32>], count: usize) -> Vec<Vec<(usize, 
     distances.iter().enumerate().map(nearest).collect()
 }
 
+/// Standard deviation of a distance, metres, beyond which two markers do not move together, for
+/// markers in the same place, and what is added a metre between them.
+const RIGID: [f64; 2] = [0.004, 0.02];
+
+/// The `count` markers that say most about the turn of each: near it, and keeping their distance
+/// over a motion. Weights fall with the square of the distance and of how much it changes.
+///
+/// `rest`: `[markers]`; `frames`: `[frames][markers]`, metres. O(frames markers^2)
+#[must_use]
+pub fn rigid_neighbours(
+    rest: &[DVec3],
+    frames: &[&[DVec3]],
+    count: usize,
+) -> Vec<Vec<(usize, f64)>> {
+    let weight = |a: usize, b: usize| {
+        let apart = rest[a].distance(rest[b]);
+        let distances = || frames.iter().map(|frame| frame[a].distance(frame[b]));
+        let seen = frames.len().max(1) as f64;
+        let mean = distances().sum::<f64>() / seen;
+        let variance = distances().map(|d| (d - mean).powi(2)).sum::<f64>() / seen;
+        let moved = variance / (RIGID[0] + RIGID[1] * apart).powi(2);
+        1.0 / (apart.powi(2).max(1e-8) * (1.0 + moved))
+    };
+    let mut neighbours = vec![Vec::with_capacity(rest.len()); rest.len()];
+    for a in 0..rest.len() {
+        for b in 0..a {
+            let weight = weight(a, b);
+            neighbours[a].push((b, weight));
+            neighbours[b].push((a, weight));
+        }
+    }
+    for row in &mut neighbours {
+        row.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        row.truncate(count);
+    }
+    neighbours
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -6,6 +6,7 @@ use super::cholesky::{Cholesky, PackedFactor};
 use super::graph::Graph;
 use super::operator::Laplacian;
 use super::{Component, LaplaceError};
+use sinew_core::asset::Lanes3;
 use sinew_core::deform::laplacian::{Exact, ExactParts, LaplacianError};
 
 /// How a surface follows its markers.
@@ -113,7 +114,7 @@ impl Surface {
         positions.map(|&v| self.positions[v as usize]).collect()
     }
 
-    /// Tables of the core's exact deformer. O(fill)
+    /// Tables of the core's exact deformer: vertex after vertex, without normals. O(fill)
     ///
     /// # Errors
     /// [`LaplaceError::TooLarge`].
@@ -139,6 +140,7 @@ impl Surface {
                 .map(|&v| row4(differential[v as usize], 0.0))
                 .collect(),
             starts: vec![0],
+            lane_rows: row_of.clone(),
             marker_rows: self.markers.iter().map(|&v| row_of[v as usize]).collect(),
             marker_edges: self.marker_edges.clone(),
             stiffness: self.stiffness as f32,
@@ -156,12 +158,12 @@ impl Surface {
             tables.guide_markers.push(markers);
             tables.guide_weights.push(weights);
         }
-        tables.order = order;
+        tables.order = (0..order.len() as u32).collect();
         Ok(tables)
     }
 
     /// The four heaviest markers of a vertex and their weights, which sum to one.
-    fn guide(&self, vertex: usize) -> ([u16; 4], [f32; 4]) {
+    pub(super) fn guide(&self, vertex: usize) -> ([u16; 4], [f32; 4]) {
         let mut heaviest: Vec<(f64, u16)> = self
             .weights
             .iter()
@@ -183,6 +185,8 @@ impl Surface {
 #[expect(missing_docs, reason = "each field is documented in ExactParts")]
 pub struct ExactTables {
     pub order: Vec<u32>,
+    pub lane_rows: Vec<u32>,
+    pub rest_normals: Vec<Lanes3>,
     pub rest: Vec<[f32; 4]>,
     pub differential: Vec<[f32; 4]>,
     pub starts: Vec<u32>,
@@ -211,6 +215,8 @@ impl ExactTables {
     pub fn parts(&self) -> ExactParts<'_> {
         ExactParts {
             order: &self.order,
+            lane_rows: &self.lane_rows,
+            rest_normals: &self.rest_normals,
             rest: &self.rest,
             differential: &self.differential,
             starts: &self.starts,

@@ -152,8 +152,8 @@ fn add_outer(matrix: &mut [f64], row: &[f64], weight: f64) {
     }
 }
 
-/// Cholesky in place, row-major.
-fn factor(matrix: &mut [f64], size: usize) {
+/// Cholesky of the lower triangle in place, row-major.
+pub(in crate::fit::laplace) fn factor(matrix: &mut [f64], size: usize) {
     for row in 0..size {
         for column in 0..=row {
             let products: f64 = (0..column)
@@ -170,7 +170,8 @@ fn factor(matrix: &mut [f64], size: usize) {
     }
 }
 
-fn substitute(factor: &[f64], x: &mut [f64]) {
+/// Solves with what [`factor`] left.
+pub(in crate::fit::laplace) fn substitute(factor: &[f64], x: &mut [f64]) {
     let size = x.len();
     for row in 0..size {
         let products: f64 = (0..row).map(|k| factor[row * size + k] * x[k]).sum();
