@@ -19,7 +19,9 @@ mod error;
 mod exact;
 mod exact_frame;
 mod hybrid;
+mod motion;
 mod rig;
+mod rig_check;
 mod slots;
 
 use super::lanes::Lanes;
@@ -32,9 +34,8 @@ pub use exact_frame::{
     ExactBudget, ExactHandles, ExactReport, ExactState, exact_state_len, exact_workspace_len,
 };
 pub use hybrid::{Hybrid, PartFrames};
-pub use rig::{
-    FollowReport, Followed, MarkerRig, MarkerRigTables, RigState, rig_state_len, rig_workspace_len,
-};
+pub use rig::{FollowReport, Followed, MarkerRig, RigState, rig_state_len, rig_workspace_len};
+pub use rig_check::MarkerRigTables;
 pub use slots::{MarkerSlots, PartBlocks};
 
 /// Two unit tangents of a unit normal, right-handed with it (Duff et al., *Building an Orthonormal

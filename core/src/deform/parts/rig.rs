@@ -7,20 +7,19 @@
 
 use core::borrow::BorrowMut;
 
-use super::error::{below, length, numbers, starts};
+use super::PartsError;
+use super::motion::{
+    carried_back, from_dual, less, pack, rigid, shortened, to_dual, unpack, usable,
+};
+use super::rig_check::{MarkerRigTables, check};
 use super::slots::row;
-use super::{PartsError, PartsTable};
 use crate::asset::NO_PARENT;
 use crate::deform::SizeError;
 use crate::math::{
     Affine12, Quat4, affine, conjugate, dot4, normalise, quaternion_product, transform_point,
-    transform_vector,
 };
 use crate::pose::Dual17;
 use crate::solve::dense::{Pair, Rigid, absolute_orientation};
-
-/// Positions beyond this are damage, metres.
-const FAR: f32 = 1e6;
 
 /// Points this far from a pivot, metres, turn as the parent does, and count for this part of it:
 /// enough to decide what one marker leaves open, too little to hold back what several say.
@@ -29,32 +28,6 @@ const TURN_WEIGHT: f32 = 0.01;
 
 /// Fits after the first where markers are out of place.
 const REFITS: usize = 2;
-
-/// Tables that lead from markers to part frames.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MarkerRigTables<'a> {
-    /// `[markers]`: rest position, metres.
-    pub rest: &'a [[f32; 3]],
-    /// `[parts]`: parent, before the part itself, or [`NO_PARENT`].
-    pub parents: &'a [u16],
-    /// `[parts]`: the joint that holds a part to its parent, in the rest pose, metres; then how much
-    /// it counts. It lets one or two markers turn a hand.
-    pub pivots: &'a [[f32; 4]],
-    /// `[parts + 1]`: first member of each part.
-    pub member_starts: &'a [u32],
-    /// Markers that fix a part's frame.
-    pub member_markers: &'a [u16],
-    /// How much each counts; at most 1.
-    pub member_weights: &'a [f32],
-    /// `[markers + 1]`: first carrier of each marker.
-    pub carrier_starts: &'a [u32],
-    /// Parts that carry a marker; at least one each.
-    pub carrier_parts: &'a [u16],
-    /// Their weights, which sum to one.
-    pub carrier_weights: &'a [f32],
-    /// Longest residual, metres; longer ones are shortened to it.
-    pub residual_limit: f32,
-}
 
 /// Checked tables from markers to part frames.
 #[derive(Clone, Copy, Debug)]
@@ -145,61 +118,7 @@ impl<'a> MarkerRig<'a> {
     /// # Errors
     /// The first fault, with its place.
     pub fn new_checked(tables: MarkerRigTables<'a>) -> Result<Self, PartsError> {
-        let (markers, parts) = (tables.rest.len(), tables.parents.len());
-        for (table, found) in [(PartsTable::Markers, markers), (PartsTable::Parents, parts)] {
-            if !(1..=usize::from(u16::MAX)).contains(&found) {
-                let needed = 1;
-                return Err(PartsError::Length {
-                    table,
-                    needed,
-                    found,
-                });
-            }
-        }
-        for (at, &parent) in tables.parents.iter().enumerate() {
-            if parent != NO_PARENT && usize::from(parent) >= at {
-                let table = PartsTable::Parents;
-                return Err(PartsError::Index { table, at });
-            }
-        }
-        numbers(PartsTable::Markers, tables.rest.as_flattened(), FAR)?;
-        length(PartsTable::Parents, tables.pivots.len(), parts)?;
-        numbers(PartsTable::Parents, tables.pivots.as_flattened(), FAR)?;
-        if let Some(at) = tables.pivots.iter().position(|pivot| pivot[3] < 0.0) {
-            let table = PartsTable::Parents;
-            return Err(PartsError::Number { table, at });
-        }
-        let wide = |&at: &u16| usize::from(at);
-        let count = tables.member_markers.len();
-        length(PartsTable::Members, tables.member_weights.len(), count)?;
-        starts(tables.member_starts, parts, count)?;
-        below(
-            PartsTable::Members,
-            tables.member_markers.iter().map(wide),
-            markers,
-        )?;
-        share(PartsTable::Members, tables.member_weights)?;
-        let count = tables.carrier_parts.len();
-        length(PartsTable::Carriers, tables.carrier_weights.len(), count)?;
-        starts(tables.carrier_starts, markers, count)?;
-        below(
-            PartsTable::Carriers,
-            tables.carrier_parts.iter().map(wide),
-            parts,
-        )?;
-        share(PartsTable::Carriers, tables.carrier_weights)?;
-        for at in 0..markers {
-            let weights = tables.carrier_weights.get(row(tables.carrier_starts, at));
-            let sum: f32 = weights.unwrap_or_default().iter().sum();
-            if !(0.999..=1.001).contains(&sum) {
-                let table = PartsTable::Carriers;
-                return Err(PartsError::Number { table, at });
-            }
-        }
-        if !(0.0..=FAR).contains(&tables.residual_limit) {
-            let table = PartsTable::Markers;
-            return Err(PartsError::Number { table, at: markers });
-        }
+        check(&tables)?;
         Ok(Self { tables })
     }
 
@@ -470,76 +389,4 @@ fn handles(workspace: &mut [f32], markers: usize, parts: usize) -> Result<Handle
         palette: palette.as_chunks_mut().0,
         duals: duals.as_chunks_mut().0,
     })
-}
-
-/// Checks weights between 0 and 1.
-fn share(table: PartsTable, weights: &[f32]) -> Result<(), PartsError> {
-    match weights.iter().position(|x| !(0.0..=1.0).contains(x)) {
-        Some(at) => Err(PartsError::Number { table, at }),
-        None => Ok(()),
-    }
-}
-
-fn usable(position: &[f32; 3]) -> bool {
-    position.iter().all(|x| (-FAR..=FAR).contains(x))
-}
-
-fn less([a, b, c]: [f32; 3], [x, y, z]: [f32; 3]) -> [f32; 3] {
-    [a - x, b - y, c - z]
-}
-
-/// The vector at its longest allowed, `None` where it is shorter.
-fn shortened(vector: [f32; 3], limit: f32) -> Option<[f32; 3]> {
-    let [x, y, z] = vector;
-    let length2 = x * x + y * y + z * z;
-    if length2 <= limit * limit {
-        return None;
-    }
-    let factor = limit * crate::math::inverse_sqrt(length2);
-    Some(vector.map(|value| value * factor))
-}
-
-/// A point of this frame in the rest pose.
-fn carried_back(frame: &Rigid, position: [f32; 3]) -> [f32; 3] {
-    let back = affine(conjugate(frame.rotation), [0.0; 3], [1.0; 3]);
-    transform_vector(&back, less(position, frame.translation))
-}
-
-fn to_dual(frame: &Rigid) -> Dual17 {
-    let [x, y, z] = frame.translation;
-    let half = quaternion_product([0.5 * x, 0.5 * y, 0.5 * z, 0.0], frame.rotation);
-    let mut dual = [0.0; 17];
-    let numbers = frame.rotation.into_iter().chain(half);
-    for (to, value) in dual.iter_mut().zip(numbers) {
-        *to = value;
-    }
-    for (to, value) in dual.iter_mut().skip(8).step_by(4).zip([1.0; 3]) {
-        *to = value;
-    }
-    dual
-}
-
-fn from_dual(&[x, y, z, w, a, b, c, d, ..]: &Dual17) -> Rigid {
-    rigid([x, y, z, w], [a, b, c, d])
-}
-
-/// From a unit dual quaternion: the translation is twice the dual part times the conjugate.
-fn rigid(rotation: Quat4, half: Quat4) -> Rigid {
-    let [x, y, z, _] = quaternion_product(half, conjugate(rotation));
-    Rigid {
-        rotation,
-        translation: [x + x, y + y, z + z],
-    }
-}
-
-fn pack(frame: &Rigid) -> [f32; 7] {
-    let ([x, y, z, w], [a, b, c]) = (frame.rotation, frame.translation);
-    [x, y, z, w, a, b, c]
-}
-
-fn unpack(&[x, y, z, w, a, b, c]: &[f32; 7]) -> Rigid {
-    Rigid {
-        rotation: [x, y, z, w],
-        translation: [a, b, c],
-    }
 }
