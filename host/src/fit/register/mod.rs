@@ -33,6 +33,7 @@ use std::collections::BTreeSet;
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::fit::laplace::graph::Graph;
+use crate::fit::parts::Glued;
 use crate::model::{Avatar, Mesh, nearest_rotation};
 use crate::spatial::{Tree, weld};
 use crate::take::Take;
@@ -103,6 +104,15 @@ impl Glue {
         corners
             .map(|(&at, share)| positions[at as usize] * share)
             .sum()
+    }
+}
+
+impl From<Glue> for Glued {
+    fn from(glue: Glue) -> Self {
+        Self {
+            vertices: glue.vertices,
+            weights: glue.barycentric,
+        }
     }
 }
 
