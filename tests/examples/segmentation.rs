@@ -226,7 +226,7 @@ fn filmed(body: &Avatar, path: &Path, count: usize) -> Vec<Vec<DVec3>> {
         .collect()
 }
 
-/// Electronic Arts' test sequence: 754 vertices, 400 frames, six bones.
+/// Electronic Arts' test sequence: 754 vertices, 400 frames. Of its six bones two lead everywhere.
 fn dem_bones() -> Option<Case> {
     let folder = shared("vertex_seq/dem_bones")?;
     let bytes = fs::read(folder.join("bone_rest.obj")).expect("readable");
@@ -279,7 +279,7 @@ fn dem_bones() -> Option<Case> {
     Some(Case {
         name: "dem_bones sequence".into(),
         truth: truth.collect(),
-        parts: 6,
+        parts: 2,
         rest: frames[0].clone(),
         triangles,
         frames,

@@ -233,7 +233,8 @@ fn what_cannot_be_registered_is_refused() {
     let mesh = &case().template.mesh;
     let points = &case().points;
     let run = |points: &[Option<DVec3>], options: &RegisterOptions| {
-        register(Template::Mesh(mesh), points, options, &|_| ()).unwrap_err()
+        let found = register(Template::Mesh(mesh), points, options, &|_| ());
+        found.map(|found| found.report).unwrap_err()
     };
     let options = RegisterOptions::default();
     let few = run(&points[..5], &options);

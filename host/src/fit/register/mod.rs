@@ -33,6 +33,7 @@ use std::collections::BTreeSet;
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::fit::laplace::graph::Graph;
+use crate::fit::parts::Glued;
 use crate::model::{Avatar, Mesh, nearest_rotation};
 use crate::spatial::{Tree, weld};
 use crate::take::Take;
@@ -52,12 +53,14 @@ const SMOOTHNESS: f64 = 0.012;
 /// Weight of landmarks before the other markers count.
 const LANDMARK_WEIGHT: f64 = 30.0;
 /// Weight of markers: from the first round to the last.
-const WEIGHTS: [f64; 2] = [0.3, 3e4];
+const WEIGHTS: [f64; 2] = [0.05, 300.0];
 /// Where no marker is within this many spacings of markers, the shape is kept.
 const UNMARKED: f64 = 1.6;
+/// A mesh that stays this far from the markers, over its size, does not fit at all.
+const FARTHEST: f64 = 0.03;
 /// A marker that stays this far from the surface over the body's size, and this many times farther
 /// than the middle one, is no marker of this body.
-const STRAY: (f64, f64) = (0.03, 8.0);
+const STRAY: (f64, f64) = (0.05, 8.0);
 /// Rounds of stiffening where triangles fold.
 const REPAIRS: usize = 12;
 
@@ -76,7 +79,7 @@ impl Default for RegisterOptions {
     fn default() -> Self {
         Self {
             landmarks: Vec::new(),
-            rounds: 9,
+            rounds: 10,
             stiffness: 1.0,
         }
     }
@@ -101,6 +104,15 @@ impl Glue {
         corners
             .map(|(&at, share)| positions[at as usize] * share)
             .sum()
+    }
+}
+
+impl From<Glue> for Glued {
+    fn from(glue: Glue) -> Self {
+        Self {
+            vertices: glue.vertices,
+            weights: glue.barycentric,
+        }
     }
 }
 
@@ -319,7 +331,7 @@ fn pose(
         let posed: Vec<DVec3> = rest.iter().map(|&p| best.similarity.apply(p)).collect();
         tree.refit(&posed);
         report.posed = misfit(&tree, markers, size * scale);
-        let far = report.posed > 0.045 * size * scale;
+        let far = report.posed > FARTHEST * size * scale;
         return if far {
             Err(no_fit(report.posed))
         } else {
@@ -349,7 +361,7 @@ fn pose(
         .ok_or(RegisterError::NoSurface)?;
     report.posed = best.misfit;
     report.scale = best.stance.scale.exp();
-    if best.misfit > 0.03 * size * report.scale {
+    if best.misfit > FARTHEST * size * report.scale {
         return Err(no_fit(best.misfit));
     }
     Ok((best.positions, Some(best.placed)))
@@ -444,7 +456,7 @@ impl<'a> Fit<'a> {
             }
         }
         let posed = self.positions();
-        self.matches = self.matcher.find(&self.tree, &posed, self.markers);
+        self.find(&posed);
         let mut pulls = self.pins(LANDMARK_WEIGHT);
         if let (true, Some((figure, placed))) = (pulls.is_empty(), rig) {
             for marker in landmarks::near_joints(figure, placed, self.markers, &self.matches) {
@@ -472,26 +484,29 @@ impl<'a> Fit<'a> {
         self.pinned.iter().map(pin).collect()
     }
 
+    /// Nearest points, and the markers that have none: they may be a body's again once it is nearer.
+    fn find(&mut self, positions: &[DVec3]) {
+        self.matches = self.matcher.find(&self.tree, positions, self.markers);
+        let distances = self.matches.iter().flatten().map(|at| at.distance);
+        let mut sorted: Vec<f64> = distances.collect();
+        sorted.sort_by(f64::total_cmp);
+        let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+        let far = (STRAY.0 * self.size).max(STRAY.1 * middle);
+        let is_stray = |&marker: &usize| self.matches[marker].is_none_or(|at| at.distance > far);
+        self.strays = (0..self.markers.len()).filter(is_stray).collect();
+    }
+
     /// Nearest points, then the field that brings them nearer.
     fn round(&mut self, weight: f64, report: &mut RegisterReport) -> Result<(), RegisterError> {
         let positions = self.positions();
         self.tree.refit(&positions);
-        self.matches = self.matcher.find(&self.tree, &positions, self.markers);
+        self.find(&positions);
         self.keep_shapes();
         self.field.solve(&self.pulls(weight))?;
         let left = self.distances();
-        let mut sorted: Vec<f64> = left.iter().map(|left| left.1).collect();
-        sorted.sort_by(f64::total_cmp);
-        let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-        // Early rounds are too stiff to judge.
-        if weight > 30.0 {
-            let far = (STRAY.0 * self.size).max(STRAY.1 * middle);
-            let strays = left.iter().filter(|left| left.1 > far).map(|left| left.0);
-            self.strays.extend(strays);
-        }
         report
             .rounds
-            .push(sorted.iter().sum::<f64>() / sorted.len().max(1) as f64);
+            .push(left.iter().sum::<f64>() / left.len().max(1) as f64);
         Ok(())
     }
 
@@ -507,23 +522,23 @@ impl<'a> Fit<'a> {
         pulls
     }
 
-    /// (marker, distance from its point) of those that belong to the body.
-    fn distances(&self) -> Vec<(usize, f64)> {
+    /// Distances from their points of the markers that belong to the body.
+    fn distances(&self) -> Vec<f64> {
         let of = |marker: usize| {
             let at = self.matches[marker].filter(|_| !self.strays.contains(&marker))?;
             let pull = self.pull(marker, &at, 0.0);
             let here = self.field.at(pull.corners, pull.barycentric);
-            Some((marker, here.distance(pull.target)))
+            Some(here.distance(pull.target))
         };
         (0..self.markers.len()).filter_map(of).collect()
     }
 
     /// Holds each stretch of skin far from all markers near one turn and size.
     fn keep_shapes(&mut self) {
-        let marked: Vec<u32> = self
-            .matches
-            .iter()
-            .flatten()
+        let own = self.matches.iter().enumerate();
+        let marked: Vec<u32> = own
+            .filter(|(marker, _)| !self.strays.contains(marker))
+            .filter_map(|(_, at)| *at)
             .map(|at| {
                 let most = (0..3).max_by(|&a, &b| at.barycentric[a].total_cmp(&at.barycentric[b]));
                 let vertex = self.mesh.triangles[at.triangle][most.unwrap_or(0)];
@@ -628,7 +643,7 @@ impl<'a> Fit<'a> {
     fn glue(&mut self) -> Vec<Option<Glue>> {
         let positions = self.positions();
         self.tree.refit(&positions);
-        self.matches = self.matcher.find(&self.tree, &positions, self.markers);
+        self.find(&positions);
         let glue = |marker: usize| {
             let at = self.matches[marker].filter(|_| !self.strays.contains(&marker))?;
             Some(Glue {

@@ -20,6 +20,7 @@ mod rigidity;
 
 use glam::DVec3;
 
+use crate::fit::parts::Segments;
 pub use agreement::Agreement;
 pub use error::SegmentError;
 use mean_shift::{mean_shift, reduce};
@@ -102,6 +103,13 @@ impl Segmentation {
     #[must_use]
     pub fn part_count(&self) -> usize {
         self.names.len()
+    }
+
+    /// The parts of a mesh for learning a skin on it; `labels`: `[vertices]`, for a surface of
+    /// markers those of the nearest marker.
+    #[must_use]
+    pub fn segments(&self, labels: &[u32]) -> Segments {
+        Segments::of_labels(labels, self.names.clone(), self.parents.clone())
     }
 }
 
