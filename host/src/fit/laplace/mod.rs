@@ -8,7 +8,7 @@
 pub mod cholesky;
 pub mod collapse;
 mod error;
-pub mod graph;
+pub use crate::model::graph;
 pub mod operator;
 pub mod repair;
 pub mod rotations;
