@@ -1,8 +1,15 @@
-//! Cleaning, judged on real recordings: stretches that were measured are hidden and filled again.
+//! Cleaning, judged on real recordings, of which measured stretches are hidden and filled again, and
+//! on a virtual capture whose truth is known.
 //!
 //! `tests/examples/judge_clean` prints whole tables; here are a few stretches of each.
 
+use sinew_host::clean::fill::{FillOptions, fill};
+use sinew_host::clean::merge::{MergeOptions, merge};
+use sinew_host::studio::judge::Key;
+use sinew_host::studio::{Direction, MarkerLayout, MarkerSet, Shot};
+use sinew_tests::filming::{clip_at, film, human};
 use sinew_tests::hidden::{METHODS, judge, stretches, take};
+use sinew_tests::root;
 
 /// Fills a few hidden stretches: the default must beat splines and lines at 30 frames and above.
 #[test]
@@ -26,4 +33,44 @@ fn the_default_beats_interpolation() {
             assert!(default < 0.012, "{file}, {length} frames: {default} m");
         }
     }
+}
+
+/// A second and a half of walking with exchanged trajectories: labels, markers, ghosts and swaps as
+/// the truth has them, and filled samples near it.
+#[test]
+fn a_virtual_capture_gets_its_labels_back() {
+    let markers = MarkerSet::new(human(), MarkerLayout::Dense(160), 21).unwrap();
+    let direction = Direction {
+        seconds: Some(2.0),
+        speed: 1.5,
+        ..Direction::default()
+    };
+    let shot = Shot {
+        swap_chance: 0.5,
+        seed: 21,
+        ..Shot::default()
+    };
+    let clip = clip_at(&root().join("examples/data/walk.bvh"));
+    let capture = film(&clip, &markers, direction, shot);
+    let take = capture.take().unwrap();
+    let merged = merge(&take, &MergeOptions::default(), &|_| ()).unwrap();
+    let key = Key::new(&capture).unwrap();
+    key.check(&take).unwrap();
+    let labels = key.labels(&merged);
+    assert!(labels.real > 400, "{}", labels.real);
+    assert_eq!(labels.wrong, 0, "{:?}", labels.faults);
+    assert!(labels.left <= 3, "{:?}", labels.faults);
+    assert!(labels.found <= labels.markers && labels.found + 2 >= labels.markers);
+    assert_eq!(labels.ghosts_told, labels.ghosts);
+    for swap in merged.swaps() {
+        assert_ne!(swap.from, swap.to);
+    }
+    let filled = fill(&merged.take, &FillOptions::default(), &|| ());
+    let errors = key.fill_errors(&labels, &filled);
+    assert!(errors.len() > 500);
+    assert!(
+        errors[errors.len() / 2] < 1.5e-3,
+        "{} m",
+        errors[errors.len() / 2]
+    );
 }

@@ -5,6 +5,7 @@
 //!
 //! | stage | does |
 //! | --- | --- |
+//! | [`surface`] | which markers are neighbours along the body |
 //! | [`merge`] | unnamed partial trajectories become markers |
 //! | [`despike`] | one or two samples that jump away are taken out |
 //! | [`fill`] | missing samples are estimated |
@@ -17,5 +18,6 @@ pub mod merge;
 mod neighbours;
 pub(crate) mod rigid;
 pub mod smooth;
+pub mod surface;
 
 pub use despike::{Spike, despike};

@@ -6,16 +6,18 @@ use std::time::Instant;
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::load::{Reading, fault};
+use super::load::{Loaded, Reading, fault};
 use super::say::{Say, notices_json};
 use super::{Failure, load};
 use crate::clean::fill::{FillMethod, FillOptions, Filled, fill};
 use crate::clean::merge::{MergeOptions, Merged, merge};
 use crate::clean::smooth::{SmoothOptions, pass_count, smooth};
+use crate::clean::surface::BodyMesh;
 use crate::clean::{Spike, despike};
 use crate::export::c3d::write_c3d;
 use crate::export::png::write_png;
 use crate::export::{ExportErrorKind, write_atomic};
+use crate::model::Mesh;
 use crate::studio::files::read_trajectories;
 use crate::studio::judge::Key;
 use crate::take::Take;
@@ -59,6 +61,10 @@ pub(crate) struct Clean {
     /// that shows most.
     #[arg(long, value_name = "FRAME")]
     reference_frame: Option<usize>,
+    /// The body in the place and pose of the reference frame (.glb, .gltf, .obj or .ply): markers are
+    /// neighbours along it. By default the way along the body is found from the markers alone.
+    #[arg(long, value_name = "MESH")]
+    mesh: Option<PathBuf>,
     /// Folder of `sinew studio` whose capture this is: says how many labels are wrong, and by how
     /// much filled samples miss the truth.
     #[arg(long, value_name = "DIR")]
@@ -172,10 +178,31 @@ impl Clean {
         Ok(Some(key))
     }
 
+    fn body(&self) -> Result<Option<Mesh>, Failure> {
+        let Some(path) = &self.mesh else {
+            return Ok(None);
+        };
+        match load::any(path, self.reading)?.0 {
+            Loaded::Avatar(avatar) => Ok(Some(avatar.mesh)),
+            Loaded::Mesh(mesh) => Ok(Some(*mesh)),
+            _ => {
+                let path = path.display();
+                let text = format!("--mesh {path}: no mesh; give a .glb, .gltf, .obj or .ply");
+                Err(Failure::Data(text))
+            }
+        }
+    }
+
     fn clean(&self, before: Take, say: &Say) -> Result<Outcome, Failure> {
         let start = Instant::now();
+        let mesh = self.body()?;
+        let body = mesh.as_ref().map(|mesh| BodyMesh {
+            positions: &mesh.positions,
+            triangles: &mesh.triangles,
+        });
         let options = MergeOptions {
             reference_frame: self.reference_frame,
+            mesh: body,
             ..MergeOptions::default()
         };
         let bar = say.progress("merge", 1000);

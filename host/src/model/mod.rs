@@ -7,6 +7,7 @@
 mod check_clip;
 mod check_mesh;
 mod check_skeleton;
+pub mod graph;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 

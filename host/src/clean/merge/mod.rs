@@ -17,9 +17,11 @@
 
 use glam::DVec3;
 
+use super::surface::{BodyMesh, MarkerSurface, SurfaceError};
 use crate::import::take::PointKind;
 use crate::take::{Take, TakeError};
 
+mod along;
 mod carry;
 mod choose;
 mod fragments;
@@ -31,6 +33,7 @@ mod tracks;
 
 pub use fragments::Fragment;
 
+use along::Along;
 use rounds::Joined;
 use tracks::Tracks;
 
@@ -39,7 +42,7 @@ pub type Progress<'a> = dyn Fn(f64) + 'a;
 
 /// What [`merge`] is asked to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MergeOptions {
+pub struct MergeOptions<'a> {
     /// Largest mean distance of two parts from where each expects the other, over the mean
     /// distance to the neighbours (the paper's alpha 1).
     pub mean: f64,
@@ -48,14 +51,30 @@ pub struct MergeOptions {
     /// The frame whose points come first among the markers of a take without names; by default the
     /// one that shows most.
     pub reference_frame: Option<usize>,
+    /// The body in the reference frame; without it, neighbours along the body are found from the
+    /// points of that frame.
+    pub mesh: Option<BodyMesh<'a>>,
 }
 
-impl Default for MergeOptions {
+/// Why a take cannot be merged.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MergeError {
+    /// The result is no take; it cannot happen for a valid take.
+    #[error(transparent)]
+    Take(#[from] TakeError),
+    /// The mesh is not the body of the reference frame.
+    #[error(transparent)]
+    Surface(#[from] SurfaceError),
+}
+
+impl Default for MergeOptions<'_> {
     fn default() -> Self {
         Self {
             mean: 0.5,
             every: 0.6,
             reference_frame: None,
+            mesh: None,
         }
     }
 }
@@ -128,15 +147,15 @@ const AGAIN: usize = 3;
 /// times those that end within two seconds before each, and quadratic in what is left then.
 ///
 /// # Errors
-/// The result is no take; it cannot happen for a valid take.
+/// The mesh is not the body of the reference frame.
 ///
 /// # Panics
 /// If the reference frame does not exist.
 pub fn merge(
     take: &Take,
-    options: &MergeOptions,
+    options: &MergeOptions<'_>,
     progress: &Progress<'_>,
-) -> Result<Merged, TakeError> {
+) -> Result<Merged, MergeError> {
     if let Some(frame) = options.reference_frame {
         assert!(
             frame < take.frame_count(),
@@ -157,27 +176,54 @@ pub fn merge(
         return Ok(merged);
     }
     (merged.fragments, merged.jumps) = fragments::split(take);
-    if named.is_empty() {
-        let fullest = || fragments::fullest_frame(take, &merged.fragments);
-        merged.reference_frame = options.reference_frame.or_else(fullest);
-    }
     let mut tracks = Tracks::new(take, &merged.fragments, &named);
+    let fullest = || fragments::fullest_frame(take, &tracks.fragments);
+    let reference = options.reference_frame.or_else(fullest);
+    if named.is_empty() {
+        merged.reference_frame = reference;
+    }
     let found = swaps::find(&tracks, &rings::touches(&tracks), merged.fragments.len());
     if !found.is_empty() {
         merged.cut(&found);
         tracks = Tracks::new(take, &merged.fragments, &named);
     }
-    let joined = rounds::run(&mut tracks, options, progress);
-    let markers = markers(&tracks, merged.reference_frame);
+    let along = along(&tracks, reference, options.mesh)?;
+    let joined = rounds::run(&mut tracks, &along, options, progress);
+    let markers = markers(&tracks, &along, merged.reference_frame);
     merged.assign(&tracks, &markers, &joined);
     merged.take = trajectories(&tracks, &markers)?;
     Ok(merged)
 }
 
+/// The marker surface of the reference frame.
+fn along(
+    tracks: &Tracks<'_>,
+    reference: Option<usize>,
+    mesh: Option<BodyMesh<'_>>,
+) -> Result<Along, SurfaceError> {
+    let Some(frame) = reference else {
+        return Ok(Along::default());
+    };
+    let shown = |at: &usize| {
+        let Fragment { start, end, .. } = tracks.fragments[*at];
+        (start..end).contains(&frame)
+    };
+    let fragments: Vec<usize> = (0..tracks.fragments.len()).filter(shown).collect();
+    let points: Vec<DVec3> = fragments
+        .iter()
+        .map(|&at| tracks.sample(at, frame))
+        .collect();
+    let surface = match mesh {
+        Some(mesh) => MarkerSurface::of_mesh(&points, mesh, frame)?,
+        None => MarkerSurface::of_points(&points),
+    };
+    Ok(Along::new(surface, fragments))
+}
+
 /// Tracks that are markers, in order: named ones, those of the reference frame, the others by
 /// their first frame.
-fn markers(tracks: &Tracks<'_>, reference: Option<usize>) -> Vec<usize> {
-    let rings = rings::rings(tracks, &rings::touches(tracks));
+fn markers(tracks: &Tracks<'_>, along: &Along, reference: Option<usize>) -> Vec<usize> {
+    let rings = rings::rings(tracks, &rings::touches(tracks), along);
     let rate = tracks.take().rate();
     let all = tracks.members.len();
     let mut named: Vec<usize> = (0..all).filter(|&t| tracks.named[t].is_some()).collect();

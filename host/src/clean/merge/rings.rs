@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::super::fill::in_parallel;
+use super::along::Along;
 use super::tracks::Tracks;
 
 /// Fragments noted around a fragment in one frame.
@@ -74,18 +75,26 @@ pub(super) struct Ring {
 }
 
 /// `[tracks]`: rings of those that have fragments.
-pub(super) fn rings(tracks: &Tracks<'_>, touches: &[Vec<usize>]) -> Vec<Ring> {
+pub(super) fn rings(tracks: &Tracks<'_>, touches: &[Vec<usize>], along: &Along) -> Vec<Ring> {
+    let places = along.places(tracks);
     let all: Vec<usize> = (0..tracks.members.len()).collect();
     in_parallel(&all, |track| {
         let touched = tracks.members[track].iter().flat_map(|&at| &touches[at]);
         let mut others: Vec<usize> = touched.map(|&at| tracks.track_of[at]).collect();
         others.sort_unstable();
         others.dedup();
-        ring(tracks, track, &others)
+        let detour =
+            |other: usize, straight: f64| along.metres(places[track], places[other], straight);
+        ring(tracks, track, &others, &detour)
     })
 }
 
-fn ring(tracks: &Tracks<'_>, track: usize, others: &[usize]) -> Ring {
+fn ring(
+    tracks: &Tracks<'_>,
+    track: usize,
+    others: &[usize],
+    detour: &dyn Fn(usize, f64) -> f64,
+) -> Ring {
     let frames = tracks.spread_frames(track, FRAMES);
     let own: Vec<DVec3> = frames
         .iter()
@@ -106,8 +115,9 @@ fn ring(tracks: &Tracks<'_>, track: usize, others: &[usize]) -> Ring {
                 mean += step / count;
                 spread += step * (distance - mean);
             }
-            // A distance seen briefly may yet vary, a long one more than a short one.
-            let trust = 0.01 * mean * mean * (1.0 + 3.0 / count);
+            // A distance seen briefly may yet vary, a long way along the body more than a short one.
+            let way = detour(other, mean);
+            let trust = 0.01 * way * way * (1.0 + 3.0 / count);
             (count > 0.0).then(|| (spread / count + trust, mean, other))
         })
         .collect();

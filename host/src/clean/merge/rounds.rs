@@ -1,6 +1,7 @@
 //! Rounds of merging: the surest pairs of tracks first, short gaps before long ones.
 
 use super::super::fill::in_parallel;
+use super::along::Along;
 use super::carry::carry;
 use super::choose::{Level, choose};
 use super::links::{Pair, all, compare, within};
@@ -54,13 +55,15 @@ pub(super) struct Joined {
 /// Merges until nothing more can be decided. The tracks that are left are markers or ghosts.
 pub(super) fn run(
     tracks: &mut Tracks<'_>,
-    options: &MergeOptions,
+    along: &Along,
+    options: &MergeOptions<'_>,
     progress: &Progress<'_>,
 ) -> Vec<Joined> {
     let touches = touches(tracks);
     let mut work = Work {
         tracks,
         touches: &touches,
+        along,
         options,
         joined: Vec::new(),
     };
@@ -82,14 +85,15 @@ pub(super) fn run(
 struct Work<'a, 't> {
     tracks: &'a mut Tracks<'t>,
     touches: &'a [Vec<usize>],
-    options: &'a MergeOptions,
+    along: &'a Along,
+    options: &'a MergeOptions<'a>,
     joined: Vec<Joined>,
 }
 
 impl Work<'_, '_> {
     /// Merges at the strictest level that allows any; how many.
     fn round(&mut self, window: Option<usize>, levels: &[Level]) -> usize {
-        let rings = rings(self.tracks, self.touches);
+        let rings = rings(self.tracks, self.touches, self.along);
         let candidates = match window {
             Some(window) => within(self.tracks, &rings, window),
             None => all(self.tracks, &rings),
@@ -101,6 +105,8 @@ impl Work<'_, '_> {
         });
         let pairs: Vec<Pair> = pairs.into_iter().flatten().collect();
         for level in levels {
+            let fits = |pair: &&Pair| !level.long || self.is_long(pair.guest);
+            let pairs: Vec<Pair> = pairs.iter().filter(fits).copied().collect();
             let chosen = choose(
                 self.tracks,
                 &pairs,

@@ -10,7 +10,6 @@ pub mod cholesky;
 pub mod collapse;
 pub mod drive;
 mod error;
-pub mod graph;
 mod nearest;
 pub mod operator;
 pub mod pairs;
@@ -23,6 +22,7 @@ mod surface;
 pub mod template;
 pub mod volume;
 
+pub use crate::model::graph;
 pub use collapse::{CollapseOptions, CollapseReport, CollapsedTables, collapse, collapse_within};
 pub use drive::{DriveOptions, Driven, drive};
 pub use error::{Component, LaplaceError};
