@@ -9,6 +9,7 @@ pub mod budgets;
 pub mod gltf_oracle;
 pub mod human;
 pub mod laplacian;
+pub mod live;
 
 use std::path::{Path, PathBuf};
 

@@ -4,7 +4,8 @@
 //! | --- | --- | --- |
 //! | [`asset`] | bytes | typed views, checked once |
 //! | [`pose`] | a clip and a time, or a caller's pose | joint matrices |
-//! | [`solve`] | a factored sparse system | its solution, in place |
+//! | [`solve`] | a factored sparse system, an assignment | its solution, in place |
+//! | [`track`] | unlabelled points | labelled, complete markers |
 //! | [`deform`] | joint matrices | vertices, in blocks of eight |
 //! | [`frame`] | input and budget | a whole frame and a report |
 //!
@@ -26,5 +27,6 @@ mod level;
 pub mod math;
 pub mod pose;
 pub mod solve;
+pub mod track;
 
 pub use level::Level;

@@ -1,3 +1,4 @@
-//! Linear systems that are prepared once and solved every frame.
+//! Linear systems that are prepared once and solved every frame, and assignments.
 
+pub mod assignment;
 pub mod sparse;

@@ -1,3 +1,3 @@
 //! Labelled, complete trajectories from what a capture system measures.
 
-pub mod rope;
+pub mod markers;

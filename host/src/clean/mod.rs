@@ -14,8 +14,8 @@ mod despike;
 pub mod fill;
 mod linear;
 pub mod merge;
-mod neighbours;
-mod rigid;
+pub(crate) mod neighbours;
+pub(crate) mod rigid;
 pub mod smooth;
 
 pub use despike::{Spike, despike};

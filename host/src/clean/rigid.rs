@@ -6,7 +6,7 @@ use super::linear::symmetric_eigen;
 
 /// A rotation about the origin, then a translation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Rigid {
+pub(crate) struct Rigid {
     pub rotation: DMat3,
     pub translation: DVec3,
 }

@@ -9,6 +9,7 @@ mod error;
 pub mod floor;
 pub mod humanoid;
 pub mod laplace;
+pub mod live;
 mod names;
 pub mod retarget;
 

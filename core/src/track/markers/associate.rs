@@ -1,0 +1,172 @@
+//! A point for each marker where it is expected, at the least total cost.
+//!
+//! A pair costs the squared distance over its variance, and the logarithm of the variance, so that
+//! an unsure marker does not take a sure one's point: minus twice a Gaussian log-likelihood.
+
+use glam::Vec3;
+
+use super::pace::square;
+use super::state::{NONE, Trace};
+use super::{Frame, OFFERS};
+use crate::solve::assignment::{Assignment, Choice};
+
+/// Cost of staying without a point: a sure marker's point lies within 5.5 standard deviations.
+const PRICE: f32 = 30.0;
+/// Distances are compared in square deviations, capped at this.
+pub(super) const CAP: f32 = 25.0;
+/// Steps that a frame's assignment may take, a marker.
+pub(super) const SEARCH: u32 = 16;
+
+impl Frame<'_, '_> {
+    /// Markers seen in the frame before look around where their motion takes them.
+    pub(super) fn associate_seen(&mut self) {
+        let jerk = self.pace.jerk;
+        self.associate(|trace| {
+            let is_fresh = trace.is_placed && trace.gap == 0;
+            is_fresh.then_some(2.0 * trace.surprise + jerk)
+        });
+    }
+
+    /// Filled markers look around where their neighbours expect them, among what is left.
+    pub(super) fn associate_missing(&mut self) {
+        let (limit, jerk) = (self.config.limit, self.pace.jerk);
+        self.associate(|trace| {
+            let is_waiting = trace.is_placed && !trace.is_measured() && trace.sigma <= limit;
+            is_waiting.then_some(square(trace.sigma) + jerk)
+        });
+    }
+
+    /// `variance`: of a coordinate of a marker that takes part, square metres.
+    fn associate(&mut self, variance: impl Fn(&Trace) -> Option<f32>) {
+        let mut problem = Assignment::<_, _, OFFERS>::new(&mut *self.rows, &mut *self.columns);
+        let unit = 1.0 / self.pace.jerk;
+        let mut any = false;
+        for (marker, trace) in self.traces.iter().enumerate() {
+            let Some(variance) = variance(trace) else {
+                continue;
+            };
+            let unsure = 3.0 * rough_ln((variance * unit).max(1.0));
+            let precision = 1.0 / variance;
+            let limit = (PRICE - unsure) * variance;
+            if limit.is_nan() || limit <= 0.0 {
+                continue;
+            }
+            let mut offers = Nearest::EMPTY;
+            let radius = limit * crate::math::rough_inverse_sqrt(limit);
+            for (at, point) in self.points.near(trace.position, radius) {
+                let distance2 = point.position.distance_squared(trace.position);
+                if distance2 < limit && point.owner == NONE {
+                    offers.insert(at as u16, distance2);
+                }
+            }
+            if offers.0[0].0 == NONE {
+                continue;
+            }
+            problem.add(marker, PRICE);
+            any = true;
+            for (at, distance2) in offers.0 {
+                if at == NONE {
+                    break;
+                }
+                let mut cost = distance2 * precision + unsure;
+                if trace.gap > 0 || offers.0[1].0 != NONE {
+                    // What is doubtful asks the neighbours.
+                    let position = self.points.at(usize::from(at)).position;
+                    let (against, _) = contradiction(self.model, self.traces, marker, position, NONE);
+                    cost += 0.5 * against;
+                }
+                problem.offer(marker, at, cost);
+            }
+        }
+        if !any {
+            return;
+        }
+        let steps = SEARCH * self.traces.len() as u32;
+        self.points.work += problem.solve(steps);
+        for marker in 0..self.traces.len() {
+            let choice = Assignment::<_, _, OFFERS>::of(&mut *self.rows, &mut *self.columns).choice(marker);
+            if let Choice::Column { column, .. } = choice {
+                self.take(marker, usize::from(column));
+            }
+        }
+    }
+}
+
+/// How far a place contradicts the distances to a marker's measured neighbours: the sum of what
+/// their square deviations have over 4, and how many were asked. Neighbour `except` is not.
+pub(super) fn contradiction(
+    model: &super::Model<'_>,
+    traces: &[Trace],
+    marker: usize,
+    position: Vec3,
+    except: u16,
+) -> (f32, usize) {
+    let (mut sum, mut count) = (0.0, 0);
+    for (index, link) in model.links(marker) {
+        let Some(trace) = traces.get(index) else {
+            continue;
+        };
+        // Neighbours of this frame where there are any, else where they were a frame ago.
+        if trace.is_measured() && index != usize::from(except) {
+            sum += (deviation(&link, position, trace.position) - 4.0).max(0.0);
+            count += 1;
+        }
+    }
+    (sum, count)
+}
+
+/// Squared deviation of a distance, at most [`CAP`].
+#[inline]
+pub(super) fn deviation(link: &super::model::Link<'_>, a: Vec3, b: Vec3) -> f32 {
+    let distance = link.distance();
+    // (d^2 - D^2) / 2 D is d - D near D, without a root.
+    let off = a.distance_squared(b) - distance * distance;
+    let unit = 2.0 * distance * link.spread();
+    let square = off * off;
+    let limit = CAP * unit * unit;
+    if square >= limit { CAP } else { square / (unit * unit) }
+}
+
+/// The nearest few points, ascending: (point, squared distance).
+struct Nearest([(u16, f32); OFFERS]);
+
+impl Nearest {
+    const EMPTY: Self = Self([(NONE, f32::MAX); OFFERS]);
+
+    #[inline]
+    fn insert(&mut self, point: u16, distance2: f32) {
+        let mut carried = (point, distance2);
+        for slot in &mut self.0 {
+            if carried.1 < slot.1 {
+                core::mem::swap(slot, &mut carried);
+            }
+        }
+    }
+}
+
+/// Natural logarithm of a positive normal number to 0.06: the exponent, then a straight line.
+fn rough_ln(x: f32) -> f32 {
+    let bits = x.to_bits() as i32 - 0x3F80_0000;
+    bits as f32 * (core::f32::consts::LN_2 / 8_388_608.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn logarithms_are_rough() {
+        for x in [0.001_f32, 0.7, 1.0, 1.5, 2.0, 300.0] {
+            assert!((rough_ln(x) - libm::logf(x)).abs() < 0.061, "{x}");
+        }
+    }
+
+    #[test]
+    fn the_nearest_stay() {
+        let mut nearest = Nearest::EMPTY;
+        for (at, distance) in [5.0, 1.0, 4.0, 2.0, 3.0, 0.5].into_iter().enumerate() {
+            nearest.insert(at as u16, distance);
+        }
+        assert_eq!(nearest.0, [(5, 0.5), (1, 1.0), (3, 2.0), (4, 3.0)]);
+    }
+}

@@ -1,0 +1,161 @@
+//! Lost markers, from their distances to the markers that are found.
+//!
+//! In rounds: every lost marker names its best point, every point its best marker; pairs that name
+//! each other, and by a clear margin, are made. Each find helps the next round. What stays
+//! ambiguous waits.
+
+use super::Frame;
+use super::associate::deviation;
+use super::state::{NONE, Proposal, Trace};
+
+/// Rounds in a frame.
+const ROUNDS: usize = 32;
+/// Square deviation that a distance may have on average.
+const FIT: f32 = 4.0;
+/// Product of the three best ratios of distance to spread among the found neighbours: in how many
+/// places the marker might be, inversely. The second figure is for when nothing surer is left.
+const EVIDENCE: [f32; 2] = [3000.0, 800.0];
+/// A second choice must cost this much more.
+const CLEAR: [f32; 2] = [9.0, 4.0];
+
+impl Frame<'_, '_> {
+    pub(super) fn is_lost(&self, trace: &Trace) -> bool {
+        !trace.is_measured() && !(trace.is_placed && trace.sigma <= self.config.limit)
+    }
+
+    /// Looks for lost markers among the free points until a round finds none or the frame's work
+    /// reaches `budget`.
+    pub(super) fn seek(&mut self, budget: u32) {
+        let lost = |trace: &Trace| self.is_lost(trace);
+        if !self.traces.iter().any(lost) || self.points.all_mut().iter().all(|p| p.owner != NONE) {
+            return;
+        }
+        let mut step = 0;
+        for _ in 0..ROUNDS {
+            if self.points.work >= budget {
+                return;
+            }
+            // The surest way first; back to it after every find.
+            let found = match step {
+                0 => self.complete(2, budget),
+                1 => self.propose(budget, 0),
+                2 => self.complete(0, budget),
+                3 => self.propose(budget, 1),
+                _ => return,
+            };
+            step = if found { 0 } else { step + 1 };
+        }
+    }
+
+    /// A marker found anew: where it was thought to be says nothing.
+    pub(super) fn begin(&mut self, marker: usize, point: usize) {
+        if let Some(trace) = self.traces.get_mut(marker) {
+            trace.is_placed = false;
+            trace.is_turned = false;
+            trace.doubt = 0;
+        }
+        self.take(marker, point);
+    }
+
+    /// Every lost marker looks at the free points around its most rigid found neighbour; pairs that
+    /// agree are made. Whether there was one. `late`: 0, or 1 with less evidence.
+    fn propose(&mut self, budget: u32, late: usize) -> bool {
+        for point in self.points.all_mut() {
+            (point.best, point.cost, point.second) = (NONE, f32::MAX, f32::MAX);
+        }
+        self.proposals.fill(Proposal::EMPTY);
+        for marker in 0..self.traces.len() {
+            if !self.is_lost(&self.trace(marker)) {
+                continue;
+            }
+            if self.points.work >= budget {
+                break;
+            }
+            let found = |(index, _): &(usize, _)| self.trace(*index).is_measured();
+            let mut evidence = [0.0_f32; 3];
+            let mut count = 0;
+            for (_, link) in self.model.links(marker).filter(found) {
+                count += 1;
+                let mut carried = link.distance() / link.spread();
+                for best in &mut evidence {
+                    if carried > *best {
+                        core::mem::swap(best, &mut carried);
+                    }
+                }
+            }
+            let evidence = evidence[0] * evidence[1] * evidence[2];
+            if evidence < EVIDENCE[late & 1] {
+                continue;
+            }
+            let Some((anchor, link)) = self.model.links(marker).find(found) else {
+                continue;
+            };
+            let centre = self.trace(anchor).position;
+            let radius = link.distance() + 4.0 * link.spread();
+            let limit = FIT * count as f32 + 4.0;
+            let mut proposal = Proposal::EMPTY;
+            for at in self.points.window(centre, radius) {
+                self.points.work += 1;
+                let point = self.points.at(at);
+                if point.owner != NONE {
+                    continue;
+                }
+                let mut cost = 0.0;
+                for (index, link) in self.model.links(marker) {
+                    let Some(trace) = self.traces.get(index) else {
+                        continue;
+                    };
+                    if trace.is_measured() {
+                        let off = deviation(&link, point.position, trace.position);
+                        cost += off;
+                        if cost > limit {
+                            break;
+                        }
+                    }
+                }
+                if cost > limit {
+                    continue;
+                }
+                self.points.work += count as u32;
+                // Comparable between markers with more and with fewer neighbours.
+                let cost = cost - count as f32;
+                if cost < proposal.cost {
+                    proposal.second = proposal.cost;
+                    (proposal.point, proposal.cost) = (at as u16, cost);
+                } else if cost < proposal.second {
+                    proposal.second = cost;
+                }
+                self.points.edit(at, |point| {
+                    if cost < point.cost {
+                        point.second = point.cost;
+                        (point.best, point.cost) = (marker as u16, cost);
+                    } else if cost < point.second {
+                        point.second = cost;
+                    }
+                });
+            }
+            if let Some(slot) = self.proposals.get_mut(marker) {
+                *slot = proposal;
+            }
+        }
+        self.agree(CLEAR[late & 1])
+    }
+
+    /// Makes the pairs that agree by a margin; whether there was one.
+    fn agree(&mut self, clear: f32) -> bool {
+        let mut found = false;
+        for marker in 0..self.traces.len() {
+            let Some(&proposal) = self.proposals.get(marker) else {
+                continue;
+            };
+            let point = self.points.at(usize::from(proposal.point));
+            let is_mutual = proposal.point != NONE && usize::from(point.best) == marker;
+            let second = proposal.second.min(point.second);
+            if is_mutual && point.owner == NONE && second > proposal.cost + clear {
+                self.begin(marker, usize::from(proposal.point));
+                found = true;
+            }
+        }
+        found
+    }
+}

@@ -1,0 +1,126 @@
+//! Constellations of four markers by which a set is recognised in any pose.
+//!
+//! Good ones keep their six distances closely, are large, and are not flat, so that their mirror
+//! image is told apart. The expected number of wrong matches decides between them.
+
+use glam::DVec3;
+use sinew_core::track::markers::SEED_NUMBERS;
+
+use super::pairs::{Pairs, spread};
+use crate::clean::fill::View;
+
+/// Four markers and their geometry.
+#[derive(Clone, Debug)]
+pub(super) struct Seed {
+    pub markers: [usize; 4],
+    pub numbers: [f32; SEED_NUMBERS],
+    /// Logarithm of the wrong matches to be expected; lower is better.
+    score: f64,
+}
+
+/// Rigid partners of a marker from which the other three are taken.
+const POOL: usize = 10;
+/// Shortest distance within a seed, metres.
+const SHORT: f64 = 0.03;
+/// Distances are looked for within this many deviations, and this many metres at most.
+const DEVIATIONS: f64 = 3.0;
+const WIDEST: f64 = 0.03;
+/// Seeds in which one marker may stand.
+const USES: usize = 5;
+/// Frames looked at for handedness.
+const FRAMES: usize = 300;
+
+/// The best seeds, spread over the set.
+pub(super) fn choose(view: &View<'_>, pairs: &Pairs, count: usize) -> Vec<Seed> {
+    let mut candidates = Vec::new();
+    for a in 0..view.marker_count() {
+        let far = pairs.rank(a).iter().filter(|n| n.distance >= SHORT);
+        let pool: Vec<usize> = far.take(POOL).map(|n| n.marker).collect();
+        let mut own = Vec::new();
+        for (i, &b) in pool.iter().enumerate() {
+            for (j, &c) in pool.iter().enumerate().skip(i + 1) {
+                for &d in &pool[j + 1..] {
+                    own.extend(candidate(pairs, [a, b, c, d]));
+                }
+            }
+        }
+        own.sort_by(|x, y| x.score.total_cmp(&y.score));
+        own.truncate(6);
+        candidates.extend(own);
+    }
+    for seed in &mut candidates {
+        seed.set_handedness(view);
+    }
+    candidates.sort_by(|x, y| x.score.total_cmp(&y.score).then(x.markers.cmp(&y.markers)));
+    let mut uses = vec![0; view.marker_count()];
+    let mut chosen: Vec<Seed> = Vec::new();
+    for seed in candidates {
+        let mut sorted = seed.markers;
+        sorted.sort_unstable();
+        let is_known = |other: &Seed| {
+            let mut other = other.markers;
+            other.sort_unstable();
+            other == sorted
+        };
+        if chosen.len() < count
+            && seed.markers.iter().all(|&marker| uses[marker] < USES)
+            && !chosen.iter().any(is_known)
+        {
+            for marker in seed.markers {
+                uses[marker] += 1;
+            }
+            chosen.push(seed);
+        }
+    }
+    chosen
+}
+
+fn candidate(pairs: &Pairs, markers: [usize; 4]) -> Option<Seed> {
+    let [a, b, c, d] = markers;
+    let mut numbers = [0.0; SEED_NUMBERS];
+    let (mut worst, mut size): (f64, f64) = (0.0, 0.0);
+    for (number, (from, to)) in numbers.iter_mut().zip([(a, b), (a, c), (b, c), (a, d), (b, d), (c, d)]) {
+        let (distance, variance) = pairs.between(from, to);
+        if distance.is_nan() || distance < SHORT {
+            return None;
+        }
+        *number = distance as f32;
+        worst = worst.max(spread(distance, variance));
+        size += distance.ln() / 6.0;
+    }
+    let tolerance = DEVIATIONS * worst;
+    if tolerance > WIDEST {
+        return None;
+    }
+    numbers[6] = tolerance as f32;
+    // Six distances hold by chance with a probability that falls with each tolerance over size.
+    let score = 6.0 * (tolerance.ln() - size);
+    Some(Seed {
+        markers,
+        numbers,
+        score,
+    })
+}
+
+impl Seed {
+    /// The mean signed volume where it keeps its sign, else 0.
+    fn set_handedness(&mut self, view: &View<'_>) {
+        let [a, b, c, d] = self.markers.map(|marker| view.trajectory(marker));
+        let volume = |frame: usize| {
+            let edges: [DVec3; 3] = [b, c, d].map(|other| other[frame] - a[frame]);
+            edges[0].cross(edges[1]).dot(edges[2])
+        };
+        let known: Vec<f64> = (0..a.len()).map(volume).filter(|v| v.is_finite()).collect();
+        let stride = known.len().div_ceil(FRAMES).max(1);
+        let values: Vec<f64> = known.into_iter().step_by(stride).collect();
+        let count = values.len().max(1) as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let spread = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+        if mean.abs() > 5.0 * spread.sqrt() && mean.abs() > 1e-6 {
+            self.numbers[7] = mean as f32;
+        } else {
+            // Either image matches, and errors along the thin direction go unnoticed.
+            self.score += 4.0;
+        }
+    }
+}
