@@ -4,8 +4,8 @@
 //! | --- | --- | --- |
 //! | [`asset`] | bytes | typed views, checked once |
 //! | [`pose`] | a clip and a time, or a caller's pose | joint matrices |
-//! | [`solve`] | a factored sparse system, an assignment | its solution, in place |
-//! | [`track`] | unlabelled points | labelled, complete markers |
+//! | [`solve`] | a factored sparse system; an assignment | its solution |
+//! | [`track`] | unlabelled points | a body's or a rope's markers, without gaps |
 //! | [`deform`] | joint matrices | vertices, in blocks of eight |
 //! | [`frame`] | input and budget | a whole frame and a report |
 //!
@@ -26,6 +26,7 @@ pub mod frame;
 mod level;
 pub mod math;
 pub mod pose;
+mod row;
 pub mod solve;
 pub mod track;
 

@@ -1,10 +1,9 @@
 //! The core's marker tracker on the host: unlabelled takes in, labelled and complete takes out.
 
 use glam::DVec3;
-use sinew_core::deform::SizeError;
 use sinew_core::solve::assignment::{ColumnSlot, RowSlot};
 use sinew_core::track::markers::{
-    Config, FrameReport, MarkerDims, Model, Point, Proposal, Sample, Source, State, Trace, Tracker,
+    Config, FrameReport, MarkerDims, MemoryError, Model, Point, Proposal, Sample, Source, State, Trace, Tracker,
     Workspace,
 };
 
@@ -48,7 +47,7 @@ impl<'a> Labeller<'a> {
         &mut self,
         points: &[[f32; 3]],
         samples: &mut Vec<Sample>,
-    ) -> Result<FrameReport, SizeError> {
+    ) -> Result<FrameReport, MemoryError> {
         let (state, workspace) = (&mut self.state, &mut self.workspace);
         let mut tracker = Tracker::new(&self.model, self.config, state, workspace)?;
         let report = tracker.step(points);

@@ -2,14 +2,14 @@
 
 use core::fmt;
 
-use super::header::{SectionKind, VERSION};
+use super::{SectionKind, VERSION};
 
 /// Bytes that are not a usable asset. Each case carries the facts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[non_exhaustive]
 pub enum AssetError {
-    /// Fewer bytes than a header.
+    /// Fewer bytes than a header has.
     TooShort {
         /// Bytes needed.
         needed: usize,
@@ -50,6 +50,13 @@ pub enum AssetError {
         index: usize,
         /// The count.
         value: usize,
+    },
+    /// A section table of another length than the counts ask for.
+    SectionCount {
+        /// Rows according to the header.
+        stated: usize,
+        /// Sections that are not empty, by the counts.
+        expected: usize,
     },
     /// The section table does not hold the expected sections in order.
     SectionOrder {
@@ -149,6 +156,9 @@ impl fmt::Display for AssetError {
             Self::Misaligned => write!(f, "the bytes do not start at a multiple of 16"),
             Self::NotZero { at } => write!(f, "byte {at} must be zero"),
             Self::Counts { index, value } => write!(f, "count {index} cannot be {value}"),
+            Self::SectionCount { stated, expected } => {
+                write!(f, "{stated} sections, where the counts ask for {expected}")
+            }
             Self::SectionOrder { row, found } => {
                 let name = found
                     .to_le_bytes()

@@ -10,7 +10,7 @@ pub const VERSION: u32 = 1;
 pub const ALIGNMENT: usize = 16;
 
 /// Bytes before the section table.
-pub const HEADER_BYTES: usize = 160;
+pub const HEADER_BYTES: usize = 288;
 
 /// Bytes of one row of the section table.
 pub const SECTION_ROW_BYTES: usize = 16;
@@ -38,9 +38,7 @@ pub(crate) const AT_CHECKED: usize = 20;
 pub(crate) const AT_SECTION_COUNT: usize = 20;
 pub(crate) const AT_RESERVED: usize = 24;
 pub(crate) const AT_DIMS: usize = 32;
-pub(crate) const DIMS_WORDS: usize = 32;
-/// Words beyond these are zero.
-pub(crate) const DIMS_USED: usize = 21;
+pub(crate) const DIMS_WORDS: usize = 64;
 
 /// All counts of an asset. They size every buffer and bound the cost of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -125,34 +123,34 @@ impl Dims {
     /// `bytes` holds at least [`HEADER_BYTES`].
     pub(crate) const fn read(bytes: &[u8]) -> Self {
         Self {
-            joint_count: word(bytes, AT_DIMS),
-            bind_count: word(bytes, AT_DIMS + 4),
-            vertex_count: word(bytes, AT_DIMS + 8),
-            block_count: word(bytes, AT_DIMS + 12),
-            slot_count: word(bytes, AT_DIMS + 16),
-            rigid_block_count: word(bytes, AT_DIMS + 20),
-            triangle_count: word(bytes, AT_DIMS + 24),
-            index_bytes: word(bytes, AT_DIMS + 28),
-            part_count: word(bytes, AT_DIMS + 32),
-            clip_count: word(bytes, AT_DIMS + 36),
-            track_count: word(bytes, AT_DIMS + 40),
-            max_clip_tracks: word(bytes, AT_DIMS + 44),
-            max_track_keys: word(bytes, AT_DIMS + 48),
-            key_time_count: word(bytes, AT_DIMS + 52),
-            key_value_count: word(bytes, AT_DIMS + 56),
-            name_bytes: word(bytes, AT_DIMS + 60),
-            run_count: word(bytes, AT_DIMS + 64),
-            centre_block_count: word(bytes, AT_DIMS + 68),
-            morph_count: word(bytes, AT_DIMS + 72),
-            morph_row_count: word(bytes, AT_DIMS + 76),
-            morph_normal_count: word(bytes, AT_DIMS + 80),
+            joint_count: count(bytes, 0),
+            bind_count: count(bytes, 1),
+            vertex_count: count(bytes, 2),
+            block_count: count(bytes, 3),
+            slot_count: count(bytes, 4),
+            rigid_block_count: count(bytes, 5),
+            triangle_count: count(bytes, 6),
+            index_bytes: count(bytes, 7),
+            part_count: count(bytes, 8),
+            clip_count: count(bytes, 9),
+            track_count: count(bytes, 10),
+            max_clip_tracks: count(bytes, 11),
+            max_track_keys: count(bytes, 12),
+            key_time_count: count(bytes, 13),
+            key_value_count: count(bytes, 14),
+            name_bytes: count(bytes, 15),
+            run_count: count(bytes, 16),
+            centre_block_count: count(bytes, 17),
+            morph_count: count(bytes, 18),
+            morph_row_count: count(bytes, 19),
+            morph_normal_count: count(bytes, 20),
         }
     }
 
-    /// The counts as they stand in the header.
+    /// The counts as they stand in the header; words that no count uses are 0.
     #[must_use]
     pub const fn to_words(&self) -> [usize; DIMS_WORDS] {
-        let counts: [usize; DIMS_USED] = [
+        let counts = [
             self.joint_count,
             self.bind_count,
             self.vertex_count,
@@ -177,12 +175,17 @@ impl Dims {
         ];
         let mut words = [0; DIMS_WORDS];
         let mut at = 0;
-        while at < DIMS_USED {
+        while at < counts.len() {
             words[at] = counts[at];
             at += 1;
         }
         words
     }
+}
+
+/// A count of the header by its number in `SPEC.md`.
+pub(crate) const fn count(bytes: &[u8], index: usize) -> usize {
+    word(bytes, AT_DIMS + 4 * index)
 }
 
 /// A little-endian 32-bit word, or 0 beyond the end.
@@ -193,131 +196,5 @@ pub(crate) const fn word(bytes: &[u8], at: usize) -> usize {
         u32::from_le_bytes(*word) as usize
     } else {
         0
-    }
-}
-
-/// What a section holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[repr(u32)]
-pub enum SectionKind {
-    /// `u16 [joints]`: parent of each joint, or [`NO_PARENT`].
-    Parents = u32::from_le_bytes(*b"JPAR"),
-    /// `f32 [joints x 10]`: rest rotation x y z w, translation, scale.
-    Rest = u32::from_le_bytes(*b"JRST"),
-    /// `u16 [binds]`: joint of each bind.
-    BindJoints = u32::from_le_bytes(*b"BJNT"),
-    /// `f32 [binds x 12]`: inverse bind matrices, rows of 3 x 4.
-    InverseBind = u32::from_le_bytes(*b"BINV"),
-    /// `f32 [binds x 4]`: rotation of each inverse bind matrix.
-    BindRotations = u32::from_le_bytes(*b"BROT"),
-    /// `u32 [runs x 4]`: first block, blocks, slots of each block, first slot.
-    Runs = u32::from_le_bytes(*b"KRUN"),
-    /// `u16 [slots]`: bind of each slot.
-    SlotBinds = u32::from_le_bytes(*b"SBND"),
-    /// `u16 [slots x 8]`: weight of each lane.
-    SlotWeights = u32::from_le_bytes(*b"SWGT"),
-    /// `f32 [blocks x 3 x 8]`: rest positions, x of all lanes, then y, then z.
-    Positions = u32::from_le_bytes(*b"VPOS"),
-    /// `f32 [blocks x 3 x 8]`: rest normals.
-    Normals = u32::from_le_bytes(*b"VNRM"),
-    /// `f32 [centre blocks x 3 x 8]`: centres of rotation of blocks with two or more slots.
-    Centres = u32::from_le_bytes(*b"VCOR"),
-    /// `u32 [morphs x 4]`: name offset, name bytes, weight at rest (f32), 0.
-    Morphs = u32::from_le_bytes(*b"MORF"),
-    /// `u32 [blocks + 1]`, or empty without morphs: first row of each block, then the row count.
-    MorphStarts = u32::from_le_bytes(*b"MSTA"),
-    /// `u16 [rows]`: morph of each row.
-    MorphIds = u32::from_le_bytes(*b"MIDS"),
-    /// `f32 [rows x 3 x 8]`: offsets of positions at weight one.
-    MorphOffsets = u32::from_le_bytes(*b"MOFF"),
-    /// `f32 [rows x 3 x 8]`, or empty: offsets of normals.
-    MorphNormals = u32::from_le_bytes(*b"MNRM"),
-    /// `u32 [vertices]`: index in the source mesh of each vertex in block order.
-    Order = u32::from_le_bytes(*b"VORD"),
-    /// `u16` or `u32 [triangles x 3]`: vertex indices in block order.
-    Triangles = u32::from_le_bytes(*b"INDX"),
-    /// `u32 [parts x 4]`: name offset, name bytes, first triangle, triangle count.
-    Parts = u32::from_le_bytes(*b"PART"),
-    /// `u32 [clips x 8]`, see [`super::Clip`].
-    Clips = u32::from_le_bytes(*b"CLIP"),
-    /// `u32 [tracks x 4]`: joint, channel and interpolation; first time; keys; first value.
-    Tracks = u32::from_le_bytes(*b"TRAK"),
-    /// `f32 [times]`: key times in seconds.
-    KeyTimes = u32::from_le_bytes(*b"KTIM"),
-    /// `f32 [values]`: key values.
-    KeyValues = u32::from_le_bytes(*b"KVAL"),
-    /// `u32 [joints x 2]`: offset and bytes of each joint's name.
-    JointNames = u32::from_le_bytes(*b"JNAM"),
-    /// `u8 [name bytes]`: UTF-8.
-    Names = u32::from_le_bytes(*b"NAME"),
-}
-
-impl SectionKind {
-    /// All kinds, in the order in which they stand in the file.
-    pub const ALL: [Self; 25] = [
-        Self::Parents,
-        Self::Rest,
-        Self::BindJoints,
-        Self::InverseBind,
-        Self::BindRotations,
-        Self::Runs,
-        Self::SlotBinds,
-        Self::SlotWeights,
-        Self::Positions,
-        Self::Normals,
-        Self::Centres,
-        Self::Morphs,
-        Self::MorphStarts,
-        Self::MorphIds,
-        Self::MorphOffsets,
-        Self::MorphNormals,
-        Self::Order,
-        Self::Triangles,
-        Self::Parts,
-        Self::Clips,
-        Self::Tracks,
-        Self::KeyTimes,
-        Self::KeyValues,
-        Self::JointNames,
-        Self::Names,
-    ];
-
-    /// Length that the counts ask for; `None` where it exceeds the address space.
-    #[must_use]
-    pub const fn bytes(self, dims: &Dims) -> Option<usize> {
-        match self {
-            Self::Parents => dims.joint_count.checked_mul(2),
-            Self::Rest => dims.joint_count.checked_mul(40),
-            Self::BindJoints => dims.bind_count.checked_mul(2),
-            Self::InverseBind => dims.bind_count.checked_mul(48),
-            Self::BindRotations => dims.bind_count.checked_mul(16),
-            Self::Centres => dims.centre_block_count.checked_mul(96),
-            Self::Morphs => dims.morph_count.checked_mul(16),
-            Self::MorphStarts if dims.morph_count == 0 => Some(0),
-            Self::MorphStarts => match dims.block_count.checked_add(1) {
-                Some(count) => count.checked_mul(4),
-                None => None,
-            },
-            Self::MorphIds => dims.morph_row_count.checked_mul(2),
-            Self::MorphOffsets => dims.morph_row_count.checked_mul(96),
-            Self::MorphNormals => dims.morph_normal_count.checked_mul(96),
-            Self::Runs => dims.run_count.checked_mul(16),
-            Self::SlotBinds => dims.slot_count.checked_mul(2),
-            Self::SlotWeights => dims.slot_count.checked_mul(16),
-            Self::Positions | Self::Normals => dims.block_count.checked_mul(96),
-            Self::Order => dims.vertex_count.checked_mul(4),
-            Self::Triangles => match dims.triangle_count.checked_mul(3) {
-                Some(count) => count.checked_mul(dims.index_bytes),
-                None => None,
-            },
-            Self::Parts => dims.part_count.checked_mul(16),
-            Self::Clips => dims.clip_count.checked_mul(32),
-            Self::Tracks => dims.track_count.checked_mul(16),
-            Self::KeyTimes => dims.key_time_count.checked_mul(4),
-            Self::KeyValues => dims.key_value_count.checked_mul(4),
-            Self::JointNames => dims.joint_count.checked_mul(8),
-            Self::Names => Some(dims.name_bytes),
-        }
     }
 }

@@ -116,7 +116,10 @@ pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> 
     let centres = options
         .centres
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
-    let bytes = write::write(avatar, &blocks, &clips, centres.as_deref())?;
+    let extras = write::Extras {
+        centres: centres.as_deref(),
+    };
+    let bytes = write::write(avatar, &blocks, &clips, &extras)?;
     let bytes = AssetBytes::new(&bytes);
     let dims = *bytes.asset()?.dims();
     let lengths = SectionKind::ALL.iter();

@@ -16,6 +16,13 @@ use super::blocks::Blocks;
 use super::clips::SparseClips;
 use crate::model::Avatar;
 
+/// What an asset may hold besides a skinned body and its clips.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Extras<'e> {
+    /// `[vertices]`: centres of rotation, for the mode of that name.
+    pub centres: Option<&'e [DVec3]>,
+}
+
 /// All sections, in file order, then header and table in front of them.
 ///
 /// # Errors
@@ -24,12 +31,12 @@ pub fn write(
     avatar: &Avatar,
     blocks: &Blocks,
     clips: &SparseClips,
-    centres: Option<&[DVec3]>,
+    extras: &Extras<'_>,
 ) -> Result<Vec<u8>, BakeError> {
     let mut writer = Writer::default();
     writer.skeleton(avatar)?;
     writer.blocks(avatar, blocks)?;
-    if let Some(centres) = centres {
+    if let Some(centres) = extras.centres {
         writer.centres(blocks, centres)?;
     }
     writer.triangles(avatar, blocks)?;
@@ -177,11 +184,13 @@ impl Writer {
         self.dims.name_bytes = self.names.len();
         let names = std::mem::take(&mut self.names);
         self.put(SectionKind::Names, &names);
-        let count = SectionKind::ALL.len();
+        let kinds = SectionKind::ALL.into_iter();
+        let sections = kinds.filter_map(|kind| Some((kind, self.sections.remove(&(kind as u32))?)));
+        let sections: Vec<_> = sections.filter(|(_, bytes)| !bytes.is_empty()).collect();
+        let count = sections.len();
         let mut out = vec![0; HEADER_BYTES + count * SECTION_ROW_BYTES];
-        for (row, kind) in SectionKind::ALL.into_iter().enumerate() {
+        for (row, (kind, section)) in sections.into_iter().enumerate() {
             out.resize(out.len().next_multiple_of(ALIGNMENT), 0);
-            let section = self.sections.remove(&(kind as u32)).unwrap_or_default();
             let words = [kind as u32, out.len() as u32, section.len() as u32, 0];
             let at = HEADER_BYTES + row * SECTION_ROW_BYTES;
             out[at..at + SECTION_ROW_BYTES].copy_from_slice(&words.map(u32::to_le_bytes).concat());

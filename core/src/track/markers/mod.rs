@@ -29,7 +29,6 @@ use core::borrow::BorrowMut;
 
 use glam::Vec3;
 
-use crate::deform::SizeError;
 use crate::solve::assignment::{ColumnSlot, RowSlot};
 pub use cost::work_bound;
 pub use model::{
@@ -41,7 +40,7 @@ use pace::Pace;
 pub use points::Point;
 use points::Points;
 use state::{Course, NONE, OFFERS};
-pub use state::{FixedWorkspace, Proposal, State, Trace, Workspace};
+pub use state::{FixedWorkspace, MemoryError, Proposal, State, Trace, Workspace};
 
 /// Where a marker's position comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,14 +125,14 @@ impl<'r, 'a> Tracker<'r, 'a> {
     /// Brings the parts together; costs nothing, so many trackers can share a workspace.
     ///
     /// # Errors
-    /// [`SizeError`] where state or workspace hold fewer rows than the model has markers, or no
+    /// [`MemoryError`] where state or workspace hold fewer rows than the model has markers, or no
     /// point.
     pub fn new<B, R, M, P, C>(
         model: &Model<'a>,
         config: Config,
         state: &'r mut State<B>,
         workspace: &'r mut Workspace<R, M, P, C>,
-    ) -> Result<Self, SizeError>
+    ) -> Result<Self, MemoryError>
     where
         B: BorrowMut<[Trace]>,
         R: BorrowMut<[RowSlot<OFFERS>]>,
@@ -233,9 +232,9 @@ fn first<'r, T>(
     slots: &'r mut [T],
     count: usize,
     buffer: &'static str,
-) -> Result<&'r mut [T], SizeError> {
+) -> Result<&'r mut [T], MemoryError> {
     let found = slots.len();
-    slots.get_mut(..count).ok_or(SizeError::TooSmall {
+    slots.get_mut(..count).ok_or(MemoryError {
         buffer,
         needed: count,
         found,

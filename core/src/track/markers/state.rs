@@ -14,6 +14,31 @@ pub(super) const OFFERS: usize = 4;
 /// No point.
 pub(super) const NONE: u16 = u16::MAX;
 
+/// Memory that is too small for a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MemoryError {
+    /// Which.
+    pub buffer: &'static str,
+    /// Rows needed.
+    pub needed: usize,
+    /// Rows given.
+    pub found: usize,
+}
+
+impl core::fmt::Display for MemoryError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self {
+            buffer,
+            needed,
+            found,
+        } = self;
+        write!(f, "{buffer}: {found} rows, {needed} needed; size it by the model's counts")
+    }
+}
+
+impl core::error::Error for MemoryError {}
+
 /// Memory of one marker.
 #[derive(Clone, Copy, Debug)]
 pub struct Trace {

@@ -9,11 +9,12 @@
 
 use glam::Vec3;
 
-use super::matching::{Choice, Matching};
 use super::others::Others;
 use super::points::Points;
-use super::row::{Row, dot};
 use super::state::{LEAST_SPREAD, Measures};
+use super::vector::dot;
+use crate::row::Row;
+use crate::solve::assignment::{Assignment, Choice, ColumnSlot, RowSlot};
 
 /// Proposals a trace.
 pub(super) const CANDIDATES: usize = 5;
@@ -97,7 +98,7 @@ pub(super) struct Association<const TRACES: usize, const POINTS: usize> {
     forward: Row<Costs, TRACES>,
     /// Cost of the best labelling with each candidate.
     total: Row<Costs, TRACES>,
-    matching: Matching<TRACES, POINTS>,
+    matching: Assignment<[RowSlot<CANDIDATES>; TRACES], [ColumnSlot; POINTS], CANDIDATES>,
 }
 
 /// A trace's point and how much worse the next best labelling would be.
@@ -117,7 +118,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             links: Row::new(),
             forward: Row::new(),
             total: Row::new(),
-            matching: Matching::new(),
+            matching: Assignment::new([RowSlot::EMPTY; TRACES], [ColumnSlot::EMPTY; POINTS]),
         }
     }
 
@@ -132,6 +133,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
         mut found: impl FnMut(Found),
     ) {
         let count = measures.count;
+        self.matching.clear();
         for i in 0..count {
             self.propose(i, goals.at(i), others, points);
         }
@@ -142,9 +144,13 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 self.offer(i);
             }
         }
-        self.matching.solve(count, points);
+        points.work = points.work.wrapping_add(self.matching.solve(u32::MAX));
         for i in 0..count {
-            let Choice::Point { slot, point } = self.matching.choice(i) else {
+            let Choice::Column {
+                slot,
+                column: point,
+            } = self.matching.choice(i)
+            else {
                 continue;
             };
             let costs = self.total.at(i);
@@ -152,7 +158,11 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             let others = costs.iter().enumerate().filter(|&(k, _)| k != slot);
             let next = others.fold(f32::MAX, |best, (_, &cost)| best.min(cost));
             let margin = next - own;
-            found(Found { trace: i, point, margin });
+            found(Found {
+                trace: i,
+                point,
+                margin,
+            });
         }
     }
 
@@ -166,18 +176,27 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
     ) {
         let mut list = [Candidate::default(); CANDIDATES];
         let mut count = 0;
-        self.matching.clear(i);
         self.missing.set(i, 0.0);
         match goal {
             Goal::Skip => {}
             Goal::Fixed(point) => {
                 let position = points.at(usize::from(point));
                 let [first, ..] = &mut list;
-                *first = Candidate { point, position, ..Candidate::default() };
+                *first = Candidate {
+                    point,
+                    position,
+                    ..Candidate::default()
+                };
                 count = 1;
                 self.missing.set(i, f32::MAX);
             }
-            Goal::Seek { centre, doubt, gate, since, most } => {
+            Goal::Seek {
+                centre,
+                doubt,
+                gate,
+                since,
+                most,
+            } => {
                 self.missing.set(i, COST_MISSING);
                 let scale = 1.0 / (doubt * doubt);
                 points.near(centre, gate, |point, surprise, square| {
@@ -192,7 +211,12 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                     }
                     count = (count + 1).min(CANDIDATES);
                     let position = centre + surprise;
-                    let mut carried = Candidate { point, position, surprise, cost };
+                    let mut carried = Candidate {
+                        point,
+                        position,
+                        surprise,
+                        cost,
+                    };
                     for slot in list.iter_mut().take(count).skip(place) {
                         core::mem::swap(slot, &mut carried);
                     }
@@ -203,7 +227,12 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
         self.counts.set(i, count as u8);
     }
 
-    fn pass_forward(&mut self, measures: &Measures<TRACES>, drift: f32, points: &mut Points<POINTS>) {
+    fn pass_forward(
+        &mut self,
+        measures: &Measures<TRACES>,
+        drift: f32,
+        points: &mut Points<POINTS>,
+    ) {
         let mut before: Costs = [0.0; CANDIDATES + 1];
         let mut work = 0;
         for i in 0..measures.count {
@@ -214,7 +243,11 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             // The predecessor's best, where neither end has a point to compare.
             let free = before.iter().fold(f32::MAX, |best, &c| best.min(c));
             let previous = self.candidates.at(i.wrapping_sub(1));
-            let previous_count = if i == 0 { 0 } else { usize::from(self.counts.at(i - 1)) };
+            let previous_count = if i == 0 {
+                0
+            } else {
+                usize::from(self.counts.at(i - 1))
+            };
             let previous_missing = before.get(MISSING).copied().unwrap_or_default();
             for ((b, cost), row) in own.iter().zip(&mut costs).zip(&mut links).take(count) {
                 let mut best = if i == 0 { 0.0 } else { previous_missing };
@@ -230,7 +263,11 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             }
             if let Some(cost) = costs.get_mut(MISSING) {
                 let missing = self.missing.at(i);
-                *cost = if missing < f32::MAX { missing + free } else { f32::MAX };
+                *cost = if missing < f32::MAX {
+                    missing + free
+                } else {
+                    f32::MAX
+                };
             }
             self.links.set(i, links);
             self.forward.set(i, costs);
@@ -258,7 +295,11 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             let links = self.links.at(i);
             let missing = self.missing.at(i);
             let [.., after_missing] = after;
-            let alone = if missing < f32::MAX { missing + after_missing } else { f32::MAX };
+            let alone = if missing < f32::MAX {
+                missing + after_missing
+            } else {
+                f32::MAX
+            };
             let unlinked = own
                 .iter()
                 .zip(&after)
@@ -283,11 +324,11 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
     fn offer(&mut self, i: usize) {
         let total = self.total.at(i);
         let [.., missing] = total;
-        self.matching.set_missing(i, missing);
+        self.matching.add(i, missing);
         let count = usize::from(self.counts.at(i));
         let list = self.candidates.at(i);
-        for (slot, (candidate, &cost)) in list.iter().zip(&total).take(count).enumerate() {
-            self.matching.offer(i, slot, candidate.point, cost);
+        for (candidate, &cost) in list.iter().zip(&total).take(count) {
+            self.matching.offer(i, candidate.point, cost);
         }
     }
 }

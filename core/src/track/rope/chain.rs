@@ -7,8 +7,9 @@
 use glam::Vec3;
 
 use super::points::{NONE, Points};
-use super::row::{Row, dot, length, unit};
 use super::state::Track;
+use super::vector::{dot, length, unit};
+use crate::row::Row;
 
 /// A link may differ from the spacing by this share.
 const TOLERANCE: f32 = 0.25;
@@ -116,10 +117,12 @@ fn links<'a, const P: usize>(
     chain: &'a [u16],
 ) -> impl Iterator<Item = (usize, f32)> + 'a {
     let pairs = chain.iter().zip(chain.iter().skip(1)).enumerate();
-    pairs.filter(|(_, (a, b))| **a != NONE && **b != NONE).map(|(k, (&a, &b))| {
-        let span = points.at(usize::from(b)) - points.at(usize::from(a));
-        (k, length(span))
-    })
+    pairs
+        .filter(|(_, (a, b))| **a != NONE && **b != NONE)
+        .map(|(k, (&a, &b))| {
+            let span = points.at(usize::from(b)) - points.at(usize::from(a));
+            (k, length(span))
+        })
 }
 
 /// The longest evenly spaced chain without a hole; among equals, the most even.
@@ -234,7 +237,11 @@ fn trimmed<const P: usize, const T: usize>(
             break;
         };
         let first_is_worse = unevenness(points, without_first) < unevenness(points, without_last);
-        piece = if first_is_worse { without_first } else { without_last };
+        piece = if first_is_worse {
+            without_first
+        } else {
+            without_last
+        };
     }
     Chain::from_slice(piece).unwrap_or_default()
 }
@@ -266,7 +273,11 @@ pub(super) fn fit<const P: usize, const T: usize>(
     for reversed in [false, true] {
         for offset in 0..=spare {
             let trace = |k: usize| {
-                if reversed { (count - 1).saturating_sub(offset + k) } else { offset + k }
+                if reversed {
+                    (count - 1).saturating_sub(offset + k)
+                } else {
+                    offset + k
+                }
             };
             let mut misfit = 0.0;
             for (k, link) in links(points, chain) {
@@ -287,7 +298,13 @@ pub(super) fn fit<const P: usize, const T: usize>(
                 Some(fit) if cost >= fit.cost => fit.next = fit.next.min(cost),
                 slot => {
                     let next = slot.as_ref().map_or(f32::MAX, |fit| fit.cost);
-                    *slot = Some(Fit { offset, reversed, misfit, cost, next });
+                    *slot = Some(Fit {
+                        offset,
+                        reversed,
+                        misfit,
+                        cost,
+                        next,
+                    });
                 }
             }
         }
@@ -313,7 +330,11 @@ mod tests {
                 Some(marker) => marker.to_array(),
                 None => {
                     let k = place as f32;
-                    [0.9 + 0.31 * libm::sinf(k * 9.0), 0.17 * k - 2.0, 0.3 * libm::cosf(k * 5.0)]
+                    [
+                        0.9 + 0.31 * libm::sinf(k * 9.0),
+                        0.17 * k - 2.0,
+                        0.3 * libm::cosf(k * 5.0),
+                    ]
                 }
             };
         }

@@ -50,7 +50,7 @@ pub struct Config {
     pub method: Method,
     /// Frames that the start collects, at least 2.
     pub init_frames: u16,
-    /// Metres: how far a point may be from a trace's average position during the start, and from
+    /// Metres: how far a point may be from where its trace is expected during the start, and from
     /// its prediction in [`Method::Published`].
     pub gamma: f32,
     /// Most frames of the start without a point before a trace is discarded.
@@ -107,7 +107,10 @@ impl Config {
         if let Some(markers) = self.markers
             && !(3..=capacity).contains(&usize::from(markers))
         {
-            return Err(ConfigError::Markers { given: usize::from(markers), capacity });
+            return Err(ConfigError::Markers {
+                given: usize::from(markers),
+                capacity,
+            });
         }
         if !self.gravity.iter().all(|g| g.abs() <= 1_000.0) {
             return Err(ConfigError::Gravity(self.gravity));
@@ -124,7 +127,10 @@ impl Config {
 /// Refuses ropes that cannot be followed.
 pub(super) fn check_rope(positions: &[[f32; 3]], capacity: usize) -> Result<(), ConfigError> {
     if !(3..=capacity).contains(&positions.len()) {
-        return Err(ConfigError::Markers { given: positions.len(), capacity });
+        return Err(ConfigError::Markers {
+            given: positions.len(),
+            capacity,
+        });
     }
     for (index, position) in positions.iter().enumerate() {
         if !position.iter().all(|c| c.abs() < 1e6) {
@@ -192,16 +198,26 @@ impl core::fmt::Display for ConfigError {
                 write!(f, "{given} markers; this tracker takes 3 to {capacity}")
             }
             Self::Gravity([x, y, z]) => {
-                write!(f, "gravity is [{x}, {y}, {z}] m/s2; give at most 1,000 each")
+                write!(
+                    f,
+                    "gravity is [{x}, {y}, {z}] m/s2; give at most 1,000 each"
+                )
             }
             Self::EmptyBox { low, high } => {
-                write!(f, "the box from {low:?} to {high:?} is empty; swap its corners")
+                write!(
+                    f,
+                    "the box from {low:?} to {high:?} is empty; swap its corners"
+                )
             }
             Self::NotANumber { index } => {
                 write!(f, "marker {index} has no position; give finite metres")
             }
             Self::Coincident { index } => {
-                write!(f, "markers {index} and {} are in one place; leave one out", index + 1)
+                write!(
+                    f,
+                    "markers {index} and {} are in one place; leave one out",
+                    index + 1
+                )
             }
         }
     }

@@ -11,7 +11,11 @@ use super::associate::CANDIDATES;
 /// looking at all that it has reached; the search for a lost rope with three looks a link.
 #[must_use]
 pub const fn work_bound(traces: usize, points: usize) -> u32 {
-    let reach = if traces * CANDIDATES < points { traces * CANDIDATES } else { points };
+    let reach = if traces * CANDIDATES < points {
+        traces * CANDIDATES
+    } else {
+        points
+    };
     let searches = 2 * traces * points;
     let chains = 2 * 2 * traces * CANDIDATES * CANDIDATES;
     let matchings = 2 * traces * traces * (CANDIDATES + reach);

@@ -8,8 +8,9 @@
 
 use glam::Vec3;
 
-use super::row::{Row, length, turn};
 use super::state::{LEAST_SPREAD, Measures, Pose};
+use super::vector::{length, turn};
+use crate::row::Row;
 
 /// Measured markers on each side that a fill leans on.
 const SUPPORTS: usize = 3;
@@ -63,7 +64,10 @@ impl Curve {
         let most = |other: usize| SUPPORTS.min(other + 1);
         let left = || (0..run.begin).rev().filter(|&i| known.at(i));
         let right = || (run.end..measures.count).filter(|&i| known.at(i));
-        let (on_left, on_right) = (left().take(SUPPORTS).count(), right().take(SUPPORTS).count());
+        let (on_left, on_right) = (
+            left().take(SUPPORTS).count(),
+            right().take(SUPPORTS).count(),
+        );
         let (left, right) = (left().take(most(on_right)), right().take(most(on_left)));
         for (slot, marker) in markers.iter_mut().zip(left.chain(right)) {
             *slot = (marker, 0.0);
@@ -117,14 +121,21 @@ pub(super) fn fill<const T: usize>(
             place(pose, i, target, shape, fall);
         }
     } else if run.begin > 0 {
-        follow(pose, run, run.begin - 1, run.begin.checked_sub(2), shape, fall);
+        follow(
+            pose,
+            run,
+            run.begin - 1,
+            run.begin.checked_sub(2),
+            shape,
+            fall,
+        );
     } else if run.end < count {
         let second = Some(run.end + 1).filter(|&i| i < count);
         follow(pose, run, run.end, second, shape, fall);
     } else {
         // Nothing is measured: every marker keeps its own motion.
         for i in run.begin..run.end {
-            pose.now.edit(i, |p| *p = *p + pose.velocity.at(i));
+            pose.now.edit(i, |p| *p += pose.velocity.at(i));
         }
     }
     restore_lengths(measures, pose, run);
@@ -152,7 +163,10 @@ fn follow<const T: usize>(
         let arm = pose.before.at(i) - old_root;
         let arm = match second {
             Some(second) => {
-                let (new, old) = (root - pose.now.at(second), old_root - pose.before.at(second));
+                let (new, old) = (
+                    root - pose.now.at(second),
+                    old_root - pose.before.at(second),
+                );
                 turn(arm, old, new)
             }
             None => arm,
@@ -174,11 +188,18 @@ fn place<const T: usize>(pose: &mut Pose<T>, i: usize, target: Vec3, shape: f32,
 fn restore_lengths<const T: usize>(measures: &Measures<T>, pose: &mut Pose<T>, run: Run) {
     let n = run.len() as f32;
     let loose = CURVE_DOUBT * CURVE_DOUBT * n * n * n;
-    let (begin, end) = (run.begin.max(1), run.end.min(measures.count.saturating_sub(1)));
+    let (begin, end) = (
+        run.begin.max(1),
+        run.end.min(measures.count.saturating_sub(1)),
+    );
     for sweep in 0..SWEEPS {
         for step in begin..=end {
             // Alternate the direction, so that neither side of the run is favoured.
-            let right = if sweep % 2 == 0 { step } else { begin + end - step };
+            let right = if sweep % 2 == 0 {
+                step
+            } else {
+                begin + end - step
+            };
             let left = right - 1;
             let give = |i: usize| {
                 let inside = i >= run.begin && i < run.end;
@@ -190,8 +211,8 @@ fn restore_lengths<const T: usize>(measures: &Measures<T>, pose: &mut Pose<T>, r
             let spread = measures.spread.at(left).max(LEAST_SPREAD * LEAST_SPREAD);
             let off = now - measures.length.at(left);
             let pull = link * (off / ((give_left + give_right + spread) * now.max(1e-6)));
-            pose.now.edit(left, |p| *p = *p + pull * give_left);
-            pose.now.edit(right, |p| *p = *p - pull * give_right);
+            pose.now.edit(left, |p| *p += pull * give_left);
+            pose.now.edit(right, |p| *p -= pull * give_right);
         }
     }
 }

@@ -6,8 +6,9 @@ use super::fill::{Run, fill, keep_velocity};
 use super::others::Others;
 use super::points::{NONE, Points};
 use super::review::review;
-use super::row::{Row, length};
 use super::state::Track;
+use super::vector::length;
+use crate::row::Row;
 
 /// Prediction errors are taken this many times larger than they were on average: a jerk is not
 /// announced.
@@ -57,7 +58,9 @@ pub(super) fn step<const TRACES: usize, const POINTS: usize>(
         from = run.end;
     }
     judge(track);
-    track.trials.advance(&track.measures, &track.pose, &track.pace);
+    track
+        .trials
+        .advance(&track.measures, &track.pose, &track.pace);
     track.close();
     track.trials.start(count, &track.pose);
     review(track, association, others, points);
@@ -141,7 +144,14 @@ fn recover<const TRACES: usize, const POINTS: usize>(
         from = run.end;
     }
     let apart = 0.2 * spacing;
-    associate(track, association, others, points, &goals, 1.0 / (apart * apart));
+    associate(
+        track,
+        association,
+        others,
+        points,
+        &goals,
+        1.0 / (apart * apart),
+    );
 }
 
 /// Solves for `goals` and enters what can be trusted.
@@ -207,7 +217,13 @@ pub(super) fn fill_runs<const TRACES: usize>(track: &mut Track<TRACES>) {
     let mut from = 0;
     while let Some(run) = Run::next(&track.pose.known, count, from) {
         let shape = track.trials.shape_share(run, count);
-        fill(&track.measures, &mut track.pose, run, shape, track.pace.fall);
+        fill(
+            &track.measures,
+            &mut track.pose,
+            run,
+            shape,
+            track.pace.fall,
+        );
         from = run.end;
     }
 }
@@ -276,7 +292,11 @@ fn seek_lost<const TRACES: usize, const POINTS: usize>(
     }
     track.blind = track.blind.saturating_add(1);
     let seconds = f32::from(track.blind) / track.pace.rate;
-    let patience = if 4 * measured > count && !strained { HALF_BLIND } else { BLIND };
+    let patience = if 4 * measured > count && !strained {
+        HALF_BLIND
+    } else {
+        BLIND
+    };
     if seconds < patience || points.count() < 3 {
         return;
     }
@@ -315,9 +335,17 @@ fn seek_lost<const TRACES: usize, const POINTS: usize>(
     track.open();
     for (k, &point) in chain.iter().enumerate().filter(|(_, p)| **p != NONE) {
         let place = fit.offset + k;
-        let i = if fit.reversed { (count - 1).saturating_sub(place) } else { place };
+        let i = if fit.reversed {
+            (count - 1).saturating_sub(place)
+        } else {
+            place
+        };
         let position = points.at(usize::from(point));
-        for row in [&mut track.pose.now, &mut track.pose.before, &mut track.pose.slow] {
+        for row in [
+            &mut track.pose.now,
+            &mut track.pose.before,
+            &mut track.pose.slow,
+        ] {
             row.set(i, position);
         }
         track.smooth.set(i, position);
@@ -327,7 +355,9 @@ fn seek_lost<const TRACES: usize, const POINTS: usize>(
         track.point.set(i, point);
         track.gap.set(i, 0);
         track.doubt.set(i, 0.0);
-        track.confidence.set(i, (fit.next - fit.cost).clamp(0.0, 1.0));
+        track
+            .confidence
+            .set(i, (fit.next - fit.cost).clamp(0.0, 1.0));
     }
     track.blind = 0;
     fill_runs(track);

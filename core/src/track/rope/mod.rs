@@ -8,7 +8,7 @@
 //! | --- | --- | --- |
 //! | points | a frame | usable points, sorted |
 //! | start, chain | the first frames | the rope's markers in order |
-//! | associate, matching | predictions, points | one point a trace, all traces at once |
+//! | associate | predictions, points | one point a trace, all traces at once |
 //! | others | points of no rope | which points are known to be something else |
 //! | fill, trial | measured markers | the others, and how far to trust them |
 //! | joint or published | all of these | a frame |
@@ -19,17 +19,16 @@ mod config;
 mod cost;
 mod fill;
 mod joint;
-mod matching;
 mod others;
 mod points;
 mod published;
 mod review;
-mod row;
 mod start;
 mod state;
 #[cfg(test)]
 mod tests;
 mod trial;
+mod vector;
 
 use glam::Vec3;
 
@@ -135,6 +134,8 @@ pub struct RopeTracker<const TRACES: usize, const POINTS: usize> {
 }
 
 #[derive(Clone, Debug)]
+// No heap: the larger variant is there in any case.
+#[allow(clippy::large_enum_variant)]
 enum Stage<const TRACES: usize, const POINTS: usize> {
     Starting(Start<POINTS>),
     Tracking(Track<TRACES>),
@@ -186,7 +187,11 @@ impl<const TRACES: usize, const POINTS: usize> RopeTracker<TRACES, POINTS> {
             Stage::Starting(start) => {
                 start.feed(&self.config, &mut self.points);
                 let done = start.frames() >= self.config.init_frames;
-                if done { self.conclude_start() } else { Phase::Starting }
+                if done {
+                    self.conclude_start()
+                } else {
+                    Phase::Starting
+                }
             }
             Stage::Tracking(track) => {
                 match self.config.method {
@@ -265,7 +270,6 @@ impl<const TRACES: usize, const POINTS: usize> RopeTracker<TRACES, POINTS> {
         }
     }
 
-    #[cfg(feature="std")] #[doc(hidden)] pub fn dbg(&self)->([(f32,f32);3],f32){match &self.stage{Stage::Tracking(t)=>(t.trials.dbg(),t.surprise(5)),_=>([(0.,0.);3],0.)}}
     /// Markers of the rope; 0 while starting.
     #[must_use]
     pub fn trace_count(&self) -> usize {

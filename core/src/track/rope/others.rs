@@ -7,7 +7,8 @@
 use glam::Vec3;
 
 use super::points::{NONE, Points};
-use super::row::{Row, dot};
+use super::vector::dot;
+use crate::row::Row;
 
 /// How far from its prediction a body's marker may appear, metres: noise, and an acceleration in
 /// metres a second squared between two frames.
@@ -85,7 +86,10 @@ impl<const POINTS: usize> Others<POINTS> {
             if let Some(point) = point {
                 points.claim(point);
                 let off = points.at(usize::from(point)) - expected;
-                let claim = Claim { age: other.age, square: dot(off, off) };
+                let claim = Claim {
+                    age: other.age,
+                    square: dot(off, off),
+                };
                 self.claims.set(usize::from(point), claim);
             }
         }
@@ -104,7 +108,7 @@ impl<const POINTS: usize> Others<POINTS> {
                 other.position = position;
                 other.hidden = 0;
             } else {
-                other.position = other.position + other.velocity;
+                other.position += other.velocity;
                 other.hidden += 1;
             }
             other.hidden <= memory

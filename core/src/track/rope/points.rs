@@ -2,7 +2,8 @@
 
 use glam::Vec3;
 
-use super::row::{Row, dot};
+use super::vector::dot;
+use crate::row::Row;
 
 /// Slabs across the longest side of the points' box.
 const SLABS: usize = 64;
@@ -100,7 +101,11 @@ impl<const POINTS: usize> Points<POINTS> {
         };
         self.low = along(low, self.axis);
         let longest = along(side, self.axis);
-        self.slabs_per_metre = if longest > 1e-6 { SLABS as f32 / longest } else { 0.0 };
+        self.slabs_per_metre = if longest > 1e-6 {
+            SLABS as f32 / longest
+        } else {
+            0.0
+        };
         self.first.fill(0);
         for index in 0..self.count {
             let slab = self.slab(along(self.position.at(index), self.axis));
@@ -159,23 +164,29 @@ impl<const POINTS: usize> Points<POINTS> {
         self.claimed.set(usize::from(index), true);
     }
 
-    pub(super) fn release(&mut self, index: u16) {
-        self.claimed.set(usize::from(index), false);
-    }
-
     pub(super) fn release_all(&mut self) {
         self.claimed.fill(false);
     }
 
     /// Calls `visit(index, point - centre, squared distance)` for unclaimed points within `radius`.
     #[inline]
-    pub(super) fn near(&mut self, centre: Vec3, radius: f32, mut visit: impl FnMut(u16, Vec3, f32)) {
+    pub(super) fn near(
+        &mut self,
+        centre: Vec3,
+        radius: f32,
+        mut visit: impl FnMut(u16, Vec3, f32),
+    ) {
         let middle = along(centre, self.axis);
         let begin = self.first.at(self.slab(middle - radius));
         let end = self.first.at(self.slab(middle + radius) + 1);
         let places = usize::from(begin)..usize::from(end);
         let (reach, mut work) = (radius * radius, 0);
-        for &index in self.order.as_slice(self.count).get(places).unwrap_or_default() {
+        for &index in self
+            .order
+            .as_slice(self.count)
+            .get(places)
+            .unwrap_or_default()
+        {
             work += 1;
             let offset = self.position.at(usize::from(index)) - centre;
             let square = dot(offset, offset);
@@ -230,7 +241,13 @@ mod tests {
             [1.0, 2.0, 3.0],
             [0.0; 3],
         ]);
-        assert_eq!(refused, Refused { unusable: 2, surplus: 1 });
+        assert_eq!(
+            refused,
+            Refused {
+                unusable: 2,
+                surplus: 1
+            }
+        );
         assert_eq!((points.count(), points.source(0)), (1, 2));
         assert_eq!(points.nearest(Vec3::new(1.0, 2.0, 3.1), 0.2), Some(0));
         points.claim(0);

@@ -7,10 +7,11 @@
 
 use glam::Vec3;
 
-use super::points::Points;
-use super::row::{Row, length, unit};
-use super::state::Track;
 use super::Config;
+use super::points::Points;
+use super::state::Track;
+use super::vector::{length, unit};
+use crate::row::Row;
 
 /// One frame of the published tracker.
 pub(super) fn step<const TRACES: usize, const POINTS: usize>(
@@ -18,7 +19,7 @@ pub(super) fn step<const TRACES: usize, const POINTS: usize>(
     track: &mut Track<TRACES>,
     points: &mut Points<POINTS>,
 ) {
-    let steady = track.pose.known.clone();
+    let steady = track.pose.known;
     track.open();
     let count = track.measures.count;
     // Eq. 3.1 and 3.2: the marker's own last velocity, for traces without a gap.
@@ -105,13 +106,16 @@ fn neighbour_position<const TRACES: usize>(track: &Track<TRACES>, i: usize) -> O
     let known = |j: &usize| track.pose.known.at(*j);
     let mut left = (0..i).rev().filter(known);
     let mut right = (i + 1..track.measures.count).filter(known);
-    let three = |side: &mut dyn Iterator<Item = usize>| {
-        Some((side.next()?, side.next()?, side.next()?))
-    };
+    let three =
+        |side: &mut dyn Iterator<Item = usize>| Some((side.next()?, side.next()?, side.next()?));
     let (left, right) = (three(&mut left), three(&mut right));
     let (j1, j2, j3) = match (left, right) {
         (Some(l), Some(r)) => {
-            if i - l.0 <= r.0 - i { l } else { r }
+            if i - l.0 <= r.0 - i {
+                l
+            } else {
+                r
+            }
         }
         (one, other) => one.or(other)?,
     };

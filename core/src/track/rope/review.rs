@@ -11,8 +11,9 @@ use super::fill::Run;
 use super::joint::fill_runs;
 use super::others::Others;
 use super::points::{NONE, Points};
-use super::row::{Row, dot};
 use super::state::Track;
+use super::vector::dot;
+use crate::row::Row;
 
 /// How far in spacings a marker may be from where its trace is, as a standard deviation and as a
 /// gate.
@@ -47,7 +48,16 @@ pub(super) fn review<const TRACES: usize, const POINTS: usize>(
         let centre = track.pose.now.at(i);
         let (doubt, gate) = (DOUBT * spacing, GATE * spacing);
         let since = track.since.at(i);
-        goals.set(i, Goal::Seek { centre, doubt, gate, since, most: f32::MAX });
+        goals.set(
+            i,
+            Goal::Seek {
+                centre,
+                doubt,
+                gate,
+                since,
+                most: f32::MAX,
+            },
+        );
     }
     points.release_all();
     let mut labels = Row::<u16, TRACES>::new();
@@ -55,8 +65,7 @@ pub(super) fn review<const TRACES: usize, const POINTS: usize>(
     association.solve(&track.measures, &goals, 0.0, others, points, |found| {
         labels.set(found.trace, found.point);
     });
-    let gain = price(track, others, points, &track.point)
-        - price(track, others, points, &labels);
+    let gain = price(track, others, points, &track.point) - price(track, others, points, &labels);
     if gain > LEAST_GAIN {
         track.unease += gain;
     } else {
@@ -83,9 +92,17 @@ fn update_trust<const TRACES: usize, const POINTS: usize>(
             link_price(track, points, k, &track.point).is_none_or(|price| price < SUSPICIOUS)
         };
         let quiet = track.pose.known.at(i) && fine(i) && fine(i.wrapping_sub(1));
-        let streak = if quiet { track.streak.at(i).saturating_add(1) } else { 0 };
+        let streak = if quiet {
+            track.streak.at(i).saturating_add(1)
+        } else {
+            0
+        };
         let trusted = f32::from(streak) >= needed || (quiet && track.since.at(i) == 0);
-        let since = if trusted { 0 } else { track.since.at(i).saturating_add(1) };
+        let since = if trusted {
+            0
+        } else {
+            track.since.at(i).saturating_add(1)
+        };
         track.streak.set(i, streak);
         track.since.set(i, since);
     }
@@ -111,7 +128,8 @@ fn link_price<const TRACES: usize, const POINTS: usize>(
     labels: &Row<u16, TRACES>,
 ) -> Option<f32> {
     let next = i.wrapping_add(1);
-    if i >= next || next >= track.measures.count || labels.at(i) == NONE || labels.at(next) == NONE {
+    if i >= next || next >= track.measures.count || labels.at(i) == NONE || labels.at(next) == NONE
+    {
         return None;
     }
     let span = points.at(usize::from(labels.at(next))) - points.at(usize::from(labels.at(i)));

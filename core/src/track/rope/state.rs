@@ -3,9 +3,10 @@
 use glam::Vec3;
 
 use super::points::NONE;
-use super::row::{Row, dot, length};
-use crate::math::inverse_sqrt;
 use super::trial::Trials;
+use super::vector::{dot, length};
+use crate::math::inverse_sqrt;
+use crate::row::Row;
 
 /// Memories below are in seconds and become shares a frame through [`Pace`].
 #[derive(Clone, Copy, Debug)]
@@ -189,8 +190,6 @@ impl<const TRACES: usize> Track<TRACES> {
     }
 
     /// Ends a frame: filters, statistics, ages.
-    ///
-    /// `position_of` gives the measured position of a point.
     pub(super) fn close(&mut self) {
         let [on_position, on_velocity, on_acceleration] = self.pace.gains;
         for i in 0..self.measures.count {
@@ -198,7 +197,7 @@ impl<const TRACES: usize> Track<TRACES> {
             if !self.pose.known.at(i) {
                 self.gap.edit(i, |gap| *gap = gap.saturating_add(1));
                 self.smooth.set(i, now);
-                self.acceleration.edit(i, |a| *a = *a * 0.7);
+                self.acceleration.edit(i, |a| *a *= 0.7);
             } else if self.gap.at(i) > 0 {
                 // Found again: the fill has a better velocity than the jump onto the point.
                 self.gap.set(i, 0);
@@ -250,7 +249,7 @@ impl<const TRACES: usize> Track<TRACES> {
     pub(super) fn jump(&mut self, i: usize, position: Vec3) {
         let moved = position - self.pose.now.at(i);
         for row in [&mut self.pose.before, &mut self.pose.slow] {
-            row.edit(i, |p| *p = *p + moved);
+            row.edit(i, |p| *p += moved);
         }
         self.pose.now.set(i, position);
         self.smooth.set(i, position);

@@ -9,9 +9,10 @@
 use glam::Vec3;
 
 use super::fill::{Run, fill, keep_velocity};
-use super::row::{Row, dot};
 use super::state::{Measures, Pace, Pose};
+use super::vector::dot;
 use crate::math::inverse_sqrt;
+use crate::row::Row;
 
 /// Markers in a trial run at an end, and inside.
 const END_RUN: usize = 3;
@@ -67,8 +68,14 @@ impl<const TRACES: usize> Trials<TRACES> {
         };
         // Before the first trials: an error of 0.15 spacings inside, 0.4 at an end.
         let square = |share: f32| share * share * spacing * spacing;
-        let end = Score { shape: square(0.4), free: square(0.6) };
-        let inside = Score { shape: square(0.15), free: square(0.2) };
+        let end = Score {
+            shape: square(0.4),
+            free: square(0.6),
+        };
+        let inside = Score {
+            shape: square(0.15),
+            free: square(0.2),
+        };
         Self {
             scores: [end, end, inside],
             place: Place::First,
@@ -140,7 +147,12 @@ impl<const TRACES: usize> Trials<TRACES> {
         };
         self.frame += 1;
         let supported = |i: usize| i >= measures.count || pose.known.at(i);
-        let around = [run.begin.wrapping_sub(1), run.begin.wrapping_sub(2), run.end, run.end + 1];
+        let around = [
+            run.begin.wrapping_sub(1),
+            run.begin.wrapping_sub(2),
+            run.end,
+            run.end + 1,
+        ];
         if !around.into_iter().all(supported) {
             self.run = None;
             return;
@@ -159,7 +171,9 @@ impl<const TRACES: usize> Trials<TRACES> {
                 model.now.set(k, copy.now.at(i));
                 model.velocity.set(k, copy.velocity.at(i));
                 let now = model.now.at(k);
-                model.slow.edit(k, |slow| *slow = *slow + (now - *slow) * pace.slow);
+                model
+                    .slow
+                    .edit(k, |slow| *slow = *slow + (now - *slow) * pace.slow);
             }
         }
         if self.frame >= window {
@@ -168,7 +182,6 @@ impl<const TRACES: usize> Trials<TRACES> {
         }
     }
 
-    #[cfg(feature="std")] pub fn dbg(&self)->[(f32,f32);3]{self.scores.map(|s|(libm::sqrtf(s.shape)*1e3,libm::sqrtf(s.free)*1e3))}
     fn judge(&mut self, run: Run, pose: &Pose<TRACES>) {
         let mut errors = [0.0, 0.0];
         let mut seen = 0_u16;
@@ -207,15 +220,24 @@ impl<const TRACES: usize> Trials<TRACES> {
             Place::Inside => Place::First,
         };
         let run = match self.place {
-            Place::First => Run { begin: 0, end: END_RUN },
-            Place::Last => Run { begin: count.saturating_sub(END_RUN), end: count },
+            Place::First => Run {
+                begin: 0,
+                end: END_RUN,
+            },
+            Place::Last => Run {
+                begin: count.saturating_sub(END_RUN),
+                end: count,
+            },
             Place::Inside => {
                 let places = count.saturating_sub(INNER_RUN + 3);
                 if places == 0 {
                     return;
                 }
                 self.turn = (self.turn + 5) % places;
-                Run { begin: 2 + self.turn, end: 2 + self.turn + INNER_RUN }
+                Run {
+                    begin: 2 + self.turn,
+                    end: 2 + self.turn + INNER_RUN,
+                }
             }
         };
         // Two measured markers beyond the run, on each side that exists.

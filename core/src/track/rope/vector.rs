@@ -1,48 +1,8 @@
-//! Fixed storage that cannot panic, and the little vector arithmetic that the stages share.
+//! The little vector arithmetic that the stages share.
 
 use glam::Vec3;
 
 use crate::math::inverse_sqrt;
-
-/// An array whose every access is total: a read outside gives the default, a write outside is
-/// ignored. Frame paths index with computed neighbours, and must hold no panic.
-#[derive(Clone, Debug)]
-pub(super) struct Row<T, const N: usize>([T; N]);
-
-impl<T: Copy + Default, const N: usize> Row<T, N> {
-    pub(super) fn new() -> Self {
-        Self([T::default(); N])
-    }
-
-    #[inline]
-    pub(super) fn at(&self, index: usize) -> T {
-        self.0.get(index).copied().unwrap_or_default()
-    }
-
-    #[inline]
-    pub(super) fn set(&mut self, index: usize, value: T) {
-        if let Some(slot) = self.0.get_mut(index) {
-            *slot = value;
-        }
-    }
-
-    #[inline]
-    pub(super) fn edit(&mut self, index: usize, change: impl FnOnce(&mut T)) {
-        if let Some(slot) = self.0.get_mut(index) {
-            change(slot);
-        }
-    }
-
-    #[inline]
-    pub(super) fn fill(&mut self, value: T) {
-        self.0.fill(value);
-    }
-
-    #[inline]
-    pub(super) fn as_slice(&self, count: usize) -> &[T] {
-        self.0.get(..count).unwrap_or(&self.0)
-    }
-}
 
 /// In the order x, y, z.
 #[inline]
@@ -95,15 +55,6 @@ pub(super) fn turn(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn outside_is_harmless() {
-        let mut row = Row::<u8, 2>::new();
-        row.set(1, 7);
-        row.set(2, 9);
-        assert_eq!((row.at(1), row.at(2)), (7, 0));
-        assert_eq!(row.as_slice(5), [0, 7]);
-    }
 
     #[test]
     fn quarter_turn() {

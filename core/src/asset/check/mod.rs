@@ -1,0 +1,113 @@
+//! The one pass that proves an asset's contents sound: one file a group of sections.
+
+mod blocks;
+mod clips;
+mod mesh;
+mod morphs;
+mod skeleton;
+
+use super::sections::Sections;
+use super::{Asset, AssetError, SectionKind, Triangles};
+
+/// Header, then section table, then contents; nothing is read before what it depends on is proved.
+pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
+    let sections = Sections::find(bytes)?;
+    let dims = sections.dims;
+    let asset = Asset {
+        dims,
+        parents: sections.view(SectionKind::Parents)?,
+        rest: sections.view(SectionKind::Rest)?,
+        bind_joints: sections.view(SectionKind::BindJoints)?,
+        inverse_bind: sections.view(SectionKind::InverseBind)?,
+        bind_rotations: sections.view(SectionKind::BindRotations)?,
+        runs: sections.view(SectionKind::Runs)?,
+        slot_binds: sections.view(SectionKind::SlotBinds)?,
+        slot_weights: sections.view(SectionKind::SlotWeights)?,
+        positions: sections.view(SectionKind::Positions)?,
+        normals: sections.view(SectionKind::Normals)?,
+        centres: sections.view(SectionKind::Centres)?,
+        morphs: sections.view(SectionKind::Morphs)?,
+        morph_starts: sections.view(SectionKind::MorphStarts)?,
+        morph_ids: sections.view(SectionKind::MorphIds)?,
+        morph_offsets: sections.view(SectionKind::MorphOffsets)?,
+        morph_normals: sections.view(SectionKind::MorphNormals)?,
+        order: sections.view(SectionKind::Order)?,
+        triangles: match dims.index_bytes {
+            2 => Triangles::U16(sections.view(SectionKind::Triangles)?),
+            _ => Triangles::U32(sections.view(SectionKind::Triangles)?),
+        },
+        parts: sections.view(SectionKind::Parts)?,
+        clips: sections.view(SectionKind::Clips)?,
+        tracks: sections.view(SectionKind::Tracks)?,
+        key_times: sections.view(SectionKind::KeyTimes)?,
+        key_values: sections.view(SectionKind::KeyValues)?,
+        joint_names: sections.view(SectionKind::JointNames)?,
+        names: sections.view(SectionKind::Names)?,
+    };
+    skeleton::check(&asset)?;
+    mesh::check(&asset)?;
+    blocks::check(&asset)?;
+    morphs::check(&asset)?;
+    clips::check(&asset)?;
+    Ok(asset)
+}
+
+fn below(section: SectionKind, row: usize, value: usize, limit: usize) -> Result<(), AssetError> {
+    if value < limit {
+        Ok(())
+    } else {
+        Err(AssetError::Index {
+            section,
+            row,
+            value,
+            limit,
+        })
+    }
+}
+
+/// Every number finite and at most `largest` in magnitude.
+fn numbers(
+    section: SectionKind,
+    values: impl IntoIterator<Item = f32>,
+    largest: f32,
+) -> Result<(), AssetError> {
+    // A NaN fails the comparison.
+    match values
+        .into_iter()
+        .position(|value| !(-largest..=largest).contains(&value))
+    {
+        Some(at) => Err(AssetError::Number { section, at }),
+        None => Ok(()),
+    }
+}
+
+fn unit_length(section: SectionKind, at: usize, quaternion: &[f32]) -> Result<(), AssetError> {
+    let length2: f32 = quaternion.iter().map(|x| x * x).sum();
+    if (0.999..=1.001).contains(&length2) {
+        Ok(())
+    } else {
+        Err(AssetError::Number { section, at })
+    }
+}
+
+fn name(
+    asset: &Asset<'_>,
+    section: SectionKind,
+    row: usize,
+    place: (u32, u32),
+) -> Result<(), AssetError> {
+    let (offset, length) = (place.0 as usize, place.1 as usize);
+    let end = offset.saturating_add(length);
+    let limit = asset.names.len();
+    let Some(text) = asset.names.get(offset..end) else {
+        return Err(AssetError::Index {
+            section,
+            row,
+            value: end,
+            limit,
+        });
+    };
+    core::str::from_utf8(text)
+        .map(|_| ())
+        .map_err(|_| AssetError::Name { section, row })
+}

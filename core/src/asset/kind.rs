@@ -1,0 +1,129 @@
+//! What sections there are, in which order they stand, and how long the counts make them.
+
+use super::Dims;
+
+/// What a section holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(u32)]
+pub enum SectionKind {
+    /// `u16 [joints]`: parent of each joint, or [`NO_PARENT`].
+    Parents = u32::from_le_bytes(*b"JPAR"),
+    /// `f32 [joints x 10]`: rest rotation x y z w, translation, scale.
+    Rest = u32::from_le_bytes(*b"JRST"),
+    /// `u16 [binds]`: joint of each bind.
+    BindJoints = u32::from_le_bytes(*b"BJNT"),
+    /// `f32 [binds x 12]`: inverse bind matrices, rows of 3 x 4.
+    InverseBind = u32::from_le_bytes(*b"BINV"),
+    /// `f32 [binds x 4]`: rotation of each inverse bind matrix.
+    BindRotations = u32::from_le_bytes(*b"BROT"),
+    /// `u32 [runs x 4]`: first block, blocks, slots of each block, first slot.
+    Runs = u32::from_le_bytes(*b"KRUN"),
+    /// `u16 [slots]`: bind of each slot.
+    SlotBinds = u32::from_le_bytes(*b"SBND"),
+    /// `u16 [slots x 8]`: weight of each lane.
+    SlotWeights = u32::from_le_bytes(*b"SWGT"),
+    /// `f32 [blocks x 3 x 8]`: rest positions, x of all lanes, then y, then z.
+    Positions = u32::from_le_bytes(*b"VPOS"),
+    /// `f32 [blocks x 3 x 8]`: rest normals.
+    Normals = u32::from_le_bytes(*b"VNRM"),
+    /// `f32 [centre blocks x 3 x 8]`: centres of rotation of blocks with two or more slots.
+    Centres = u32::from_le_bytes(*b"VCOR"),
+    /// `u32 [morphs x 4]`: name offset, name bytes, weight at rest (f32), 0.
+    Morphs = u32::from_le_bytes(*b"MORF"),
+    /// `u32 [blocks + 1]`, or empty without morphs: first row of each block, then the row count.
+    MorphStarts = u32::from_le_bytes(*b"MSTA"),
+    /// `u16 [rows]`: morph of each row.
+    MorphIds = u32::from_le_bytes(*b"MIDS"),
+    /// `f32 [rows x 3 x 8]`: offsets of positions at weight one.
+    MorphOffsets = u32::from_le_bytes(*b"MOFF"),
+    /// `f32 [rows x 3 x 8]`, or empty: offsets of normals.
+    MorphNormals = u32::from_le_bytes(*b"MNRM"),
+    /// `u32 [vertices]`: index in the source mesh of each vertex in block order.
+    Order = u32::from_le_bytes(*b"VORD"),
+    /// `u16` or `u32 [triangles x 3]`: vertex indices in block order.
+    Triangles = u32::from_le_bytes(*b"INDX"),
+    /// `u32 [parts x 4]`: name offset, name bytes, first triangle, triangle count.
+    Parts = u32::from_le_bytes(*b"PART"),
+    /// `u32 [clips x 8]`, see [`super::Clip`].
+    Clips = u32::from_le_bytes(*b"CLIP"),
+    /// `u32 [tracks x 4]`: joint, channel and interpolation; first time; keys; first value.
+    Tracks = u32::from_le_bytes(*b"TRAK"),
+    /// `f32 [times]`: key times in seconds.
+    KeyTimes = u32::from_le_bytes(*b"KTIM"),
+    /// `f32 [values]`: key values.
+    KeyValues = u32::from_le_bytes(*b"KVAL"),
+    /// `u32 [joints x 2]`: offset and bytes of each joint's name.
+    JointNames = u32::from_le_bytes(*b"JNAM"),
+    /// `u8 [name bytes]`: UTF-8.
+    Names = u32::from_le_bytes(*b"NAME"),
+}
+
+impl SectionKind {
+    /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
+    pub const ALL: [Self; 25] = [
+        Self::Parents,
+        Self::Rest,
+        Self::BindJoints,
+        Self::InverseBind,
+        Self::BindRotations,
+        Self::Runs,
+        Self::SlotBinds,
+        Self::SlotWeights,
+        Self::Positions,
+        Self::Normals,
+        Self::Centres,
+        Self::Morphs,
+        Self::MorphStarts,
+        Self::MorphIds,
+        Self::MorphOffsets,
+        Self::MorphNormals,
+        Self::Order,
+        Self::Triangles,
+        Self::Parts,
+        Self::Clips,
+        Self::Tracks,
+        Self::KeyTimes,
+        Self::KeyValues,
+        Self::JointNames,
+        Self::Names,
+    ];
+
+    /// Length that the counts ask for; `None` where it exceeds the address space.
+    #[must_use]
+    pub const fn bytes(self, dims: &Dims) -> Option<usize> {
+        match self {
+            Self::Parents => dims.joint_count.checked_mul(2),
+            Self::Rest => dims.joint_count.checked_mul(40),
+            Self::BindJoints => dims.bind_count.checked_mul(2),
+            Self::InverseBind => dims.bind_count.checked_mul(48),
+            Self::BindRotations => dims.bind_count.checked_mul(16),
+            Self::Centres => dims.centre_block_count.checked_mul(96),
+            Self::Morphs => dims.morph_count.checked_mul(16),
+            Self::MorphStarts if dims.morph_count == 0 => Some(0),
+            Self::MorphStarts => match dims.block_count.checked_add(1) {
+                Some(count) => count.checked_mul(4),
+                None => None,
+            },
+            Self::MorphIds => dims.morph_row_count.checked_mul(2),
+            Self::MorphOffsets => dims.morph_row_count.checked_mul(96),
+            Self::MorphNormals => dims.morph_normal_count.checked_mul(96),
+            Self::Runs => dims.run_count.checked_mul(16),
+            Self::SlotBinds => dims.slot_count.checked_mul(2),
+            Self::SlotWeights => dims.slot_count.checked_mul(16),
+            Self::Positions | Self::Normals => dims.block_count.checked_mul(96),
+            Self::Order => dims.vertex_count.checked_mul(4),
+            Self::Triangles => match dims.triangle_count.checked_mul(3) {
+                Some(count) => count.checked_mul(dims.index_bytes),
+                None => None,
+            },
+            Self::Parts => dims.part_count.checked_mul(16),
+            Self::Clips => dims.clip_count.checked_mul(32),
+            Self::Tracks => dims.track_count.checked_mul(16),
+            Self::KeyTimes => dims.key_time_count.checked_mul(4),
+            Self::KeyValues => dims.key_value_count.checked_mul(4),
+            Self::JointNames => dims.joint_count.checked_mul(8),
+            Self::Names => Some(dims.name_bytes),
+        }
+    }
+}
