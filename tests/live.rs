@@ -65,7 +65,13 @@ impl Default for Harm {
 #[must_use]
 pub fn cut(take: &Take, from: usize, to: usize) -> Take {
     let paths = (0..take.marker_count()).flat_map(|m| take.trajectory(m)[from..to].to_vec());
-    Take::new(take.labels().to_vec(), take.rate(), to - from, paths.collect()).unwrap()
+    Take::new(
+        take.labels().to_vec(),
+        take.rate(),
+        to - from,
+        paths.collect(),
+    )
+    .unwrap()
 }
 
 /// A take under harm, with its markers in the order of the model.
@@ -140,7 +146,8 @@ pub fn trial(take: &Take, labels: &[String], harm: &Harm) -> Trial {
     let mut owners = Vec::with_capacity(frames);
     let mut paths = vec![DVec3::NAN; labels.len() * frames];
     for frame in 0..frames {
-        let mut row: Vec<(Option<usize>, DVec3)> = ghosts[frame].iter().map(|g| (None, *g)).collect();
+        let mut row: Vec<(Option<usize>, DVec3)> =
+            ghosts[frame].iter().map(|g| (None, *g)).collect();
         for (marker, position) in truth[frame].iter().enumerate() {
             if let Some(position) = position.filter(|_| seen[frame][marker]) {
                 row.push((Some(marker), position));
@@ -243,7 +250,10 @@ pub fn judge(trial: &Trial, model: &MarkerModel, compare: bool) -> Verdict {
         let mut used = vec![false; points.len()];
         let (mut wrong, mut missed) = (0, 0);
         for (marker, sample) in samples.iter().enumerate() {
-            assert!(sample.position.iter().all(|x| x.is_finite()), "frame {frame}");
+            assert!(
+                sample.position.iter().all(|x| x.is_finite()),
+                "frame {frame}"
+            );
             let there = owners.contains(&Some(marker));
             let truth = trial.truth[frame][marker];
             let given = match sample.source {

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use sinew_core::solve::assignment::{ColumnSlot, RowSlot};
 use sinew_core::track::markers::{
-    Config, FrameReport, MarkerDims, MemoryError, Model, Point, Proposal, Sample, Source, State, Trace, Tracker,
-    Workspace,
+    Config, FrameReport, MarkerDims, MemoryError, Model, Point, Proposal, Sample, Source, State,
+    Trace, Tracker, Workspace,
 };
 
 use crate::take::{Take, TakeError};

@@ -21,8 +21,20 @@ fn main() {
     let detail = std::env::args().any(|argument| argument == "--course");
     println!(
         "{:32} {:>4} {:>7} {:>7} {:>7} {:>7} {:>6} {:>6} {:>6} {:>6} {:>5} {:>6} {:>6} {:>6}",
-        "take, half", "mk", "right%", "wrong%", "missed%", "haunted", "lost", "live", "offl", "jump",
-        "first", "work", "most", "bound"
+        "take, half",
+        "mk",
+        "right%",
+        "wrong%",
+        "missed%",
+        "haunted",
+        "lost",
+        "live",
+        "offl",
+        "jump",
+        "first",
+        "work",
+        "most",
+        "bound"
     );
     for (file, unit) in FILES {
         if !file.contains(&wanted) {
@@ -53,11 +65,21 @@ fn main() {
             };
             let test = cut(&take, test.0, test.1);
             for seed in 1..=2 {
-                let harm = Harm { seed, ..Harm::default() };
+                let harm = Harm {
+                    seed,
+                    ..Harm::default()
+                };
                 let trial = trial(&test, &model.labels, &harm);
                 let start = std::time::Instant::now();
                 if let Ok(folder) = std::env::var("LAB") {
-                    dump(&trial, &model, &format!("{folder}/{}_{name}_{seed}.bin", file.rsplit('/').next().unwrap()));
+                    dump(
+                        &trial,
+                        &model,
+                        &format!(
+                            "{folder}/{}_{name}_{seed}.bin",
+                            file.rsplit('/').next().unwrap()
+                        ),
+                    );
                     continue;
                 }
                 let verdict = judge(&trial, &model, true);
@@ -101,14 +123,22 @@ fn main() {
 
 fn dump(trial: &sinew_tests::live::Trial, model: &sinew_host::fit::live::MarkerModel, path: &str) {
     let mut w: Vec<u32> = Vec::new();
-    w.extend([model.labels.len() as u32, (model.neighbours.len() / model.labels.len()) as u32, model.seeds.len() as u32, trial.points.len() as u32]);
+    w.extend([
+        model.labels.len() as u32,
+        (model.neighbours.len() / model.labels.len()) as u32,
+        model.seeds.len() as u32,
+        trial.points.len() as u32,
+    ]);
     w.push((trial.rate as f32).to_bits());
     w.extend(model.markers.iter().flatten().map(|x| x.to_bits()));
     w.extend(model.neighbours.iter().map(|x| u32::from(*x)));
     w.extend(model.links.iter().flatten().map(|x| x.to_bits()));
     w.extend(model.seed_markers.iter().map(|x| u32::from(*x)));
     w.extend(model.seeds.iter().flatten().map(|x| x.to_bits()));
-    let options = sinew_host::clean::fill::FillOptions { limit: f64::INFINITY, ..Default::default() };
+    let options = sinew_host::clean::fill::FillOptions {
+        limit: f64::INFINITY,
+        ..Default::default()
+    };
     let offline = sinew_host::clean::fill::fill(&trial.broken, &options, &|| {}).take;
     for frame in 0..trial.points.len() {
         w.push(trial.points[frame].len() as u32);
@@ -119,7 +149,9 @@ fn dump(trial: &sinew_tests::live::Trial, model: &sinew_host::fit::live::MarkerM
         for (marker, t) in trial.truth[frame].iter().enumerate() {
             let t = t.map_or([f32::NAN; 3], |t| t.as_vec3().to_array());
             w.extend(t.map(f32::to_bits));
-            let o = offline.position(marker, frame).map_or([f32::NAN; 3], |t| t.as_vec3().to_array());
+            let o = offline
+                .position(marker, frame)
+                .map_or([f32::NAN; 3], |t| t.as_vec3().to_array());
             w.extend(o.map(f32::to_bits));
         }
     }

@@ -1,5 +1,7 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::MarkerDims;
+
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
 
@@ -86,6 +88,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// The marker set; zeros without.
+    pub markers: MarkerDims,
 }
 
 impl Dims {
@@ -144,6 +148,7 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
+            markers: MarkerDims::read(bytes),
         }
     }
 
@@ -179,6 +184,7 @@ impl Dims {
             words[at] = counts[at];
             at += 1;
         }
+        self.markers.write(&mut words);
         words
     }
 }

@@ -1,6 +1,6 @@
 //! What sections there are, in which order they stand, and how long the counts make them.
 
-use super::Dims;
+use super::{Dims, LINK_NUMBERS, MARKER_NUMBERS, SEED_NUMBERS};
 
 /// What a section holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,13 +55,27 @@ pub enum SectionKind {
     KeyValues = u32::from_le_bytes(*b"KVAL"),
     /// `u32 [joints x 2]`: offset and bytes of each joint's name.
     JointNames = u32::from_le_bytes(*b"JNAM"),
+    /// `f32 [markers x 8]`: home, deviation, memory, zeros, see [`super::MarkerTables`].
+    Markers = u32::from_le_bytes(*b"TMRK"),
+    /// `u16 [markers x neighbours]`: most rigid first.
+    MarkerNeighbours = u32::from_le_bytes(*b"TNBR"),
+    /// `f32 [markers x neighbours x 16]`: shape, weight, coefficients, distance, spread, zero.
+    MarkerLinks = u32::from_le_bytes(*b"TLNK"),
+    /// `u16 [seeds x 4]`: markers.
+    MarkerSeeds = u32::from_le_bytes(*b"TSED"),
+    /// `f32 [seeds x 8]`: six distances, tolerance, six times the volume.
+    MarkerSeedShapes = u32::from_le_bytes(*b"TSHP"),
+    /// `u32 [markers x 2]`: offset and bytes of each marker's name.
+    MarkerNames = u32::from_le_bytes(*b"TNAM"),
+    /// `f32 [4]`, or empty without markers: frames a second learned from, three zeros.
+    MarkerRate = u32::from_le_bytes(*b"TRAT"),
     /// `u8 [name bytes]`: UTF-8.
     Names = u32::from_le_bytes(*b"NAME"),
 }
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 32] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -86,6 +100,13 @@ impl SectionKind {
         Self::KeyTimes,
         Self::KeyValues,
         Self::JointNames,
+        Self::Markers,
+        Self::MarkerNeighbours,
+        Self::MarkerLinks,
+        Self::MarkerSeeds,
+        Self::MarkerSeedShapes,
+        Self::MarkerNames,
+        Self::MarkerRate,
         Self::Names,
     ];
 
@@ -123,6 +144,14 @@ impl SectionKind {
             Self::KeyTimes => dims.key_time_count.checked_mul(4),
             Self::KeyValues => dims.key_value_count.checked_mul(4),
             Self::JointNames => dims.joint_count.checked_mul(8),
+            Self::Markers => dims.markers.marker_count.checked_mul(4 * MARKER_NUMBERS),
+            Self::MarkerNeighbours => dims.markers.link_count(2),
+            Self::MarkerLinks => dims.markers.link_count(4 * LINK_NUMBERS),
+            Self::MarkerSeeds => dims.markers.seed_count.checked_mul(8),
+            Self::MarkerSeedShapes => dims.markers.seed_count.checked_mul(4 * SEED_NUMBERS),
+            Self::MarkerNames => dims.markers.marker_count.checked_mul(8),
+            Self::MarkerRate if dims.markers.marker_count == 0 => Some(0),
+            Self::MarkerRate => Some(16),
             Self::Names => Some(dims.name_bytes),
         }
     }

@@ -11,6 +11,7 @@ mod error;
 mod header;
 mod include;
 mod kind;
+mod markers;
 mod mesh;
 mod morphs;
 mod sections;
@@ -24,6 +25,10 @@ pub use header::{
 };
 pub use include::Aligned;
 pub use kind::SectionKind;
+pub use markers::{
+    LINK_NUMBERS, MARKER_NUMBERS, MAX_MARKERS, MAX_NEIGHBOURS, MAX_RATE, MAX_SEEDS, MarkerDims,
+    MarkerError, MarkerTables, SEED_NUMBERS,
+};
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
 
@@ -58,6 +63,9 @@ pub struct Asset<'a> {
     key_times: &'a [f32],
     key_values: &'a [f32],
     joint_names: &'a [[u32; 2]],
+    markers: MarkerTables<'a>,
+    marker_names: &'a [[u32; 2]],
+    marker_rate: &'a [[f32; 4]],
     names: &'a [u8],
 }
 

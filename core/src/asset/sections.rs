@@ -183,5 +183,8 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     if dims.max_track_keys > dims.key_time_count {
         return fault(12);
     }
+    if let Some(index) = dims.markers.fault() {
+        return fault(index);
+    }
     Ok(())
 }

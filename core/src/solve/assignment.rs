@@ -289,7 +289,11 @@ where
             self.edit(usize::from(column), |column| column.is_settled = true);
             row = usize::from(owner);
         }
-        let end = if end_column.is_some() { base } else { give_up.0 };
+        let end = if end_column.is_some() {
+            base
+        } else {
+            give_up.0
+        };
         self.raise_prices(start, end);
         self.exchange(start, end_column, give_up.1);
         for entry in 0..self.reached_count {

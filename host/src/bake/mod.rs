@@ -11,6 +11,7 @@ pub mod write;
 
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
 
+use crate::fit::live::MarkerModel;
 use crate::model::Avatar;
 use clips::KeyTolerance;
 
@@ -111,6 +112,18 @@ impl AssetBytes {
 /// # Errors
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
+    bake_with(avatar, options, None)
+}
+
+/// [`bake`], with a marker set for live labelling.
+///
+/// # Errors
+/// As [`bake`].
+pub fn bake_with(
+    avatar: &Avatar,
+    options: &BakeOptions,
+    markers: Option<&MarkerModel>,
+) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
     let clips = clips::reduce(avatar, options.key_tolerance);
     let centres = options
@@ -118,6 +131,7 @@ pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> 
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
     let extras = write::Extras {
         centres: centres.as_deref(),
+        markers,
     };
     let bytes = write::write(avatar, &blocks, &clips, &extras)?;
     let bytes = AssetBytes::new(&bytes);

@@ -1,6 +1,7 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
 mod clips;
+mod markers;
 mod morphs;
 
 use std::collections::HashMap;
@@ -14,6 +15,7 @@ use sinew_core::asset::{
 use super::BakeError;
 use super::blocks::Blocks;
 use super::clips::SparseClips;
+use crate::fit::live::MarkerModel;
 use crate::model::Avatar;
 
 /// What an asset may hold besides a skinned body and its clips.
@@ -21,6 +23,8 @@ use crate::model::Avatar;
 pub struct Extras<'e> {
     /// `[vertices]`: centres of rotation, for the mode of that name.
     pub centres: Option<&'e [DVec3]>,
+    /// A marker set for live labelling.
+    pub markers: Option<&'e MarkerModel>,
 }
 
 /// All sections, in file order, then header and table in front of them.
@@ -42,6 +46,9 @@ pub fn write(
     writer.triangles(avatar, blocks)?;
     writer.morphs(&avatar.mesh.morphs, blocks)?;
     writer.clips(clips, &avatar.mesh.morphs)?;
+    if let Some(markers) = extras.markers {
+        writer.markers(markers);
+    }
     writer.finish()
 }
 

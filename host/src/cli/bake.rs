@@ -7,9 +7,10 @@ use serde_json::{Value, json};
 
 use super::load::Reading;
 use super::say::{Say, bytes, notices_json, thousands};
+use super::track::learn_from;
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
-use crate::bake::{BakeOptions, BakeReport, Baked, bake};
+use crate::bake::{BakeOptions, BakeReport, Baked, bake_with};
 use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, floor, retarget};
 use crate::import::Place;
@@ -23,6 +24,7 @@ use sinew_core::frame::Budget;
 Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
+  sinew bake --mesh body.glb --markers clean.c3d --output body.sinew
   sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew")]
 pub(crate) struct Bake {
     /// The body: a .glb or .gltf with skin weights.
@@ -31,6 +33,10 @@ pub(crate) struct Bake {
     /// Captured motion (.bvh), put on the body by rotation alone; may be given several times.
     #[arg(long)]
     motion: Vec<PathBuf>,
+    /// A named, clean take of a marker set, so that `sinew track` and the core know it; may be given
+    /// several times.
+    #[arg(long, value_name = "TAKE")]
+    markers: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
     /// Where to write the asset.
@@ -128,7 +134,12 @@ impl Bake {
             notices.extend(fit_notices);
             body.clips.push(clip);
         }
-        let baked = bake(&body, &BakeOptions::default())?;
+        let markers = if self.markers.is_empty() {
+            None
+        } else {
+            Some(learn_from(&self.markers, self.fitting.reading, say)?)
+        };
+        let baked = bake_with(&body, &BakeOptions::default(), markers.as_ref())?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);

@@ -12,6 +12,7 @@ mod load;
 mod play;
 mod say;
 mod studio;
+mod track;
 mod verify;
 
 use std::process::ExitCode;
@@ -52,6 +53,7 @@ enum Command {
     Verify(verify::Verify),
     Cost(cost::CostCommand),
     Studio(Box<studio::Studio>),
+    Track(track::Track),
 }
 
 /// Why a command ended early.
@@ -83,6 +85,7 @@ pub fn run() -> ExitCode {
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),
+        Command::Track(command) => command.run(&say),
     };
     match done {
         Ok(object) => {

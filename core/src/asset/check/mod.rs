@@ -2,12 +2,13 @@
 
 mod blocks;
 mod clips;
+mod markers;
 mod mesh;
 mod morphs;
 mod skeleton;
 
 use super::sections::Sections;
-use super::{Asset, AssetError, SectionKind, Triangles};
+use super::{Asset, AssetError, MarkerTables, SectionKind, Triangles};
 
 /// Header, then section table, then contents; nothing is read before what it depends on is proved.
 pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
@@ -42,6 +43,15 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         key_times: sections.view(SectionKind::KeyTimes)?,
         key_values: sections.view(SectionKind::KeyValues)?,
         joint_names: sections.view(SectionKind::JointNames)?,
+        markers: MarkerTables {
+            markers: sections.view(SectionKind::Markers)?,
+            neighbours: sections.view(SectionKind::MarkerNeighbours)?,
+            links: sections.view(SectionKind::MarkerLinks)?,
+            seed_markers: sections.view(SectionKind::MarkerSeeds)?,
+            seeds: sections.view(SectionKind::MarkerSeedShapes)?,
+        },
+        marker_names: sections.view(SectionKind::MarkerNames)?,
+        marker_rate: sections.view(SectionKind::MarkerRate)?,
         names: sections.view(SectionKind::Names)?,
     };
     skeleton::check(&asset)?;
@@ -49,6 +59,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     blocks::check(&asset)?;
     morphs::check(&asset)?;
     clips::check(&asset)?;
+    markers::check(&asset)?;
     Ok(asset)
 }
 

@@ -72,7 +72,8 @@ impl Frame<'_, '_> {
                 if trace.gap > 0 || offers.0[1].0 != NONE {
                     // What is doubtful asks the neighbours.
                     let position = self.points.at(usize::from(at)).position;
-                    let (against, _) = contradiction(self.model, self.traces, marker, position, NONE);
+                    let (against, _) =
+                        contradiction(self.model, self.traces, marker, position, NONE);
                     cost += 0.5 * against;
                 }
                 problem.offer(marker, at, cost);
@@ -84,7 +85,8 @@ impl Frame<'_, '_> {
         let steps = SEARCH * self.traces.len() as u32;
         self.points.work += problem.solve(steps);
         for marker in 0..self.traces.len() {
-            let choice = Assignment::<_, _, OFFERS>::of(&mut *self.rows, &mut *self.columns).choice(marker);
+            let choice =
+                Assignment::<_, _, OFFERS>::of(&mut *self.rows, &mut *self.columns).choice(marker);
             if let Choice::Column { column, .. } = choice {
                 self.take(marker, usize::from(column));
             }
@@ -124,7 +126,11 @@ pub(super) fn deviation(link: &super::model::Link<'_>, a: Vec3, b: Vec3) -> f32 
     let unit = 2.0 * distance * link.spread();
     let square = off * off;
     let limit = CAP * unit * unit;
-    if square >= limit { CAP } else { square / (unit * unit) }
+    if square >= limit {
+        CAP
+    } else {
+        square / (unit * unit)
+    }
 }
 
 /// The nearest few points, ascending: (point, squared distance).

@@ -3,74 +3,97 @@
 use super::Frame;
 use super::associate::{contradiction, deviation};
 use super::fill::{self, Expectation, expect};
-use super::gap::crate_sqrt;
 use super::pace::square;
 use super::state::NONE;
 
 /// A distance this many square deviations off is wrong.
 const WRONG: f32 = 16.0;
-/// Frames in a row with mostly wrong distances before something is done.
-const PATIENCE: u8 = 2;
+/// Frames, more or less in a row, with wrong distances before a marker is lost.
+const PATIENCE: u8 = 3;
 /// Neighbours whose word counts: share of their weight.
 const SHARE: f32 = 0.5;
-/// An exchange must explain this much more.
-const GAIN: f32 = 12.0;
 /// Metres by which a marker may sit elsewhere than learned; the first figure before its bias is
 /// known.
 const MISPLACED: [f32; 2] = [0.03, 0.012];
 
 impl Frame<'_, '_> {
-    /// Compares all markers with their distances, and some in turn with what the fill expects.
+    /// Compares all markers with their distances and loses the worst; compares some in turn with
+    /// what the fill expects.
     pub(super) fn audit(&mut self) {
-        for marker in 0..self.traces.len() {
-            let doubt = self.doubt(marker);
-            if let Some(trace) = self.traces.get_mut(marker) {
-                trace.doubt = doubt;
-            }
-            if doubt >= PATIENCE {
-                self.review(marker, true);
-            }
-        }
         for _ in 0..self.pace.reviews {
             let marker = self.course.next;
-            self.course.next = if marker + 1 < self.traces.len() { marker + 1 } else { 0 };
-            self.review(marker, false);
+            self.course.next = if marker + 1 < self.traces.len() {
+                marker + 1
+            } else {
+                0
+            };
+            self.review(marker);
+        }
+        // The worst first: without it the others may be right.
+        let mut worst = (0.0, 0);
+        for marker in 0..self.traces.len() {
+            let share = self.wrong_share(marker);
+            let Some(trace) = self.traces.get_mut(marker) else {
+                continue;
+            };
+            if share > 0.0 {
+                trace.doubt = trace.doubt.saturating_add(1);
+                if trace.doubt >= PATIENCE && share > worst.0 {
+                    worst = (share, marker);
+                }
+            } else {
+                trace.doubt = trace.doubt.saturating_sub(1);
+            }
+        }
+        if worst.0 > 0.0 {
+            self.lose(worst.1);
         }
     }
 
-    /// Frames in a row in which most distances were wrong.
-    fn doubt(&mut self, marker: usize) -> u8 {
+    /// Share of a measured marker's distances that are wrong; 0 where they are few.
+    fn wrong_share(&mut self, marker: usize) -> f32 {
         let trace = self.trace(marker);
         if !trace.is_measured() {
-            return 0;
+            return 0.0;
         }
         self.points.work += 1;
-        let (mut wrong, mut count) = (0, 0);
+        let (mut wrong, mut count) = (0.0, 0.0);
         for (index, link) in self.model.links(marker) {
             let Some(other) = self.traces.get(index) else {
                 continue;
             };
             if other.is_measured() {
-                count += 1;
-                wrong += usize::from(deviation(&link, trace.position, other.position) > WRONG);
+                count += 1.0;
+                if deviation(&link, trace.position, other.position) > WRONG {
+                    wrong += 1.0;
+                }
             }
         }
-        if count >= 3 && 2 * wrong > count {
-            trace.doubt.saturating_add(1)
+        if wrong >= 2.0 && 3.0 * wrong > count {
+            wrong / count
         } else {
-            0
+            0.0
         }
     }
 
-    /// Compares a measured marker with what its neighbours expect: learns its bias, or corrects it.
-    fn review(&mut self, marker: usize, is_doubted: bool) {
+    fn lose(&mut self, marker: usize) {
+        self.drop_point(marker);
+        if let Some(trace) = self.traces.get_mut(marker) {
+            trace.is_placed = false;
+            trace.is_turned = false;
+            trace.doubt = 0;
+        }
+        self.corrected += 1;
+    }
+
+    /// Compares a measured marker with what its neighbours expect: learns its bias, or exchanges
+    /// it.
+    fn review(&mut self, marker: usize) {
         let trace = self.trace(marker);
         if !trace.is_measured() {
             return;
         }
-        self.points.work += fill::work(self.model.dims().neighbour_count);
-        let found = expect(self.model, self.traces, marker, trace.turn, trace.is_turned);
-        let Some(found) = found.filter(|found| found.share > SHARE) else {
+        let Some(found) = self.expectation(marker) else {
             return;
         };
         let own = self.model.marker(marker);
@@ -78,10 +101,14 @@ impl Frame<'_, '_> {
         let misplaced = MISPLACED[usize::from(trace.is_biased)];
         let limit = square(5.0 * own.sigma + misplaced);
         if miss.length_squared() > limit {
-            self.correct(marker, &found, is_doubted);
+            self.correct(marker, &found);
             return;
         }
-        let share = if trace.is_biased { self.pace.bias.min(1.0) } else { 0.5 };
+        let share = if trace.is_biased {
+            self.pace.bias.min(1.0)
+        } else {
+            0.5
+        };
         if let Some(trace) = self.traces.get_mut(marker) {
             (trace.turn, trace.is_turned) = (found.turn, true);
             if trace.doubt == 0 {
@@ -91,54 +118,61 @@ impl Frame<'_, '_> {
         }
     }
 
-    /// A marker that is not where it is expected.
-    fn correct(&mut self, marker: usize, found: &Expectation, is_doubted: bool) {
+    fn expectation(&mut self, marker: usize) -> Option<Expectation> {
+        let trace = self.trace(marker);
+        self.points.work += fill::work(self.model.dims().neighbour_count);
+        let found = expect(self.model, self.traces, marker, trace.turn, trace.is_turned);
+        found.filter(|found| found.share > SHARE)
+    }
+
+    /// A marker that is not where it is expected: takes the point that is there, if that explains
+    /// more, for the point's owner too.
+    fn correct(&mut self, marker: usize, found: &Expectation) {
         let trace = self.trace(marker);
         let own = self.model.marker(marker);
         let expected = found.to_world(found.local + trace.bias);
         let reach = 4.0 * own.sigma + MISPLACED[usize::from(trace.is_biased)];
-        let nearest = self.points.nearest(expected, reach, |_| true);
+        let here = usize::from(trace.point);
+        let Some((there, miss2)) = self.points.nearest(expected, reach, |_| true) else {
+            return;
+        };
+        let owner = self.points.at(there).owner;
+        let other = usize::from(owner);
+        if there == here || 4.0 * miss2 > trace.position.distance_squared(expected) {
+            return;
+        }
         let against = |frame: &Self, marker: usize, point: usize, except: usize| {
             let position = frame.points.at(point).position;
             contradiction(frame.model, frame.traces, marker, position, except as u16).0
         };
-        let here = usize::from(trace.point);
-        if let Some((there, _)) = nearest
-            && there != here
-        {
-            let owner = self.points.at(there).owner;
-            let other = usize::from(owner);
-            if owner == NONE {
+        let now = against(self, marker, here, other);
+        let then = against(self, marker, there, other);
+        if owner == NONE {
+            if then <= now {
                 self.drop_point(marker);
                 self.begin(marker, there);
                 self.corrected += 1;
-                return;
             }
-            let now = against(self, marker, here, other) + against(self, other, there, marker);
-            let then = against(self, marker, there, other) + against(self, other, here, marker);
-            if then + GAIN < now {
-                self.drop_point(marker);
-                self.drop_point(other);
-                self.begin(marker, there);
-                self.begin(other, here);
-                self.corrected += 2;
-                return;
-            }
+            return;
         }
-        if is_doubted {
+        let Some(others) = self.expectation(other) else {
+            return;
+        };
+        let bias = self.trace(other).bias;
+        let elsewhere = others.to_world(others.local + bias);
+        let (from, to) = (
+            self.points.at(there).position,
+            self.points.at(here).position,
+        );
+        let is_nearer = 4.0 * elsewhere.distance_squared(to) < elsewhere.distance_squared(from);
+        let now = now + against(self, other, there, marker);
+        let then = then + against(self, other, here, marker);
+        if is_nearer && then <= now {
             self.drop_point(marker);
-            let sigma = crate_sqrt(square(own.sigma) / found.share + square(self.config.noise));
-            if let Some(trace) = self.traces.get_mut(marker) {
-                trace.position = expected;
-                trace.predicted = expected;
-                trace.sigma = sigma;
-                trace.kept = 0.0;
-                trace.gap = 2;
-                trace.doubt = 0;
-                trace.velocity = glam::Vec3::ZERO;
-                trace.acceleration = glam::Vec3::ZERO;
-            }
-            self.corrected += 1;
+            self.drop_point(other);
+            self.begin(marker, there);
+            self.begin(other, here);
+            self.corrected += 2;
         }
     }
 }

@@ -15,6 +15,9 @@ use crate::math::{Quat4, affine, inverse_sqrt, quaternion_product};
 const WARM: usize = 2;
 const COLD: usize = 4;
 
+/// Most by which departures move a marker, metres.
+const FARTHEST: f32 = 0.1;
+
 /// The local frame of a marker and what its neighbours expect in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Expectation {
@@ -110,14 +113,22 @@ pub(super) fn expect(
     let rotation = matrix(turn);
     let back = rotation.transpose();
     let mut local = model.marker(marker).home;
+    let mut moved = Vec3::ZERO;
     for (index, link) in model.links(marker) {
         let Some((position, weight)) = trust(index, link.weight()) else {
             continue;
         };
         let departure = back * (position - centre) + middle - link.shape();
-        let measured = traces.get(index).is_some_and(Trace::is_measured);
-        let trusted = if measured { 1.0 } else { weight / link.weight() };
-        local += link.gain(departure * trusted);
+        let trusted = if weight < link.weight() {
+            weight / link.weight()
+        } else {
+            1.0
+        };
+        moved += link.gain(departure * trusted);
+    }
+    // In poses far from all that were learned a regression says anything.
+    if moved.length_squared() < FARTHEST * FARTHEST {
+        local += moved;
     }
     Some(Expectation {
         turn,
@@ -161,7 +172,11 @@ fn refine(mut turn: Quat4, cross: &Mat3, scatter: &Scatter, steps: usize) -> Qua
     let (c00, c01, c02) = (b * c - yz * yz, zx * yz - xy * c, xy * yz - b * zx);
     let (c11, c12, c22) = (a * c - zx * zx, xy * zx - a * yz, a * b - xy * xy);
     let determinant = a * c00 + xy * c01 + zx * c02;
-    let inverse = if determinant > 1e-30 { 1.0 / determinant } else { 0.0 };
+    let inverse = if determinant > 1e-30 {
+        1.0 / determinant
+    } else {
+        0.0
+    };
     for _ in 0..steps {
         let turned = matrix(turn).transpose() * *cross;
         // Torque: sum of local x (world turned back).
@@ -254,7 +269,10 @@ mod tests {
             let q = core::array::from_fn(|_| random(&mut state));
             let q = crate::math::normalise(q).unwrap();
             let back = quaternion(&matrix(q)).unwrap();
-            assert!(crate::math::dot4(q, back).abs() > 1.0 - 1e-6, "{q:?} {back:?}");
+            assert!(
+                crate::math::dot4(q, back).abs() > 1.0 - 1e-6,
+                "{q:?} {back:?}"
+            );
         }
     }
 

@@ -74,7 +74,11 @@ impl Frame<'_, '_> {
             return;
         }
         // The first two frames follow inertia, and tell the fill's error and how it changes.
-        let streak = if trace.gap == 0 { trace.streak } else { trace.streak_before };
+        let streak = if trace.gap == 0 {
+            trace.streak
+        } else {
+            trace.streak_before
+        };
         if trace.gap < 2 && streak > 2 {
             let error = found.to_local(trace.position) - expected;
             trace.slope = if trace.gap == 0 {

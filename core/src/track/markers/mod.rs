@@ -29,12 +29,10 @@ use core::borrow::BorrowMut;
 
 use glam::Vec3;
 
+pub use crate::asset::{MarkerDims, MarkerError, MarkerTables};
 use crate::solve::assignment::{ColumnSlot, RowSlot};
 pub use cost::work_bound;
-pub use model::{
-    LINK_NUMBERS, MARKER_NUMBERS, MAX_MARKERS, MAX_NEIGHBOURS, MarkerDims, Model, ModelError,
-    SEED_NUMBERS, Tables,
-};
+pub use model::Model;
 pub use pace::Config;
 use pace::Pace;
 pub use points::Point;
@@ -341,7 +339,8 @@ impl Frame<'_, '_> {
     /// Takes a marker's point away; it stays where `position` says.
     fn drop_point(&mut self, marker: usize) {
         let point = self.trace(marker).point;
-        self.points.edit(usize::from(point), |point| point.owner = NONE);
+        self.points
+            .edit(usize::from(point), |point| point.owner = NONE);
         if let Some(trace) = self.traces.get_mut(marker) {
             trace.point = NONE;
             trace.streak = 0;
@@ -351,10 +350,14 @@ impl Frame<'_, '_> {
     /// Whether the frame was explained; a set poorly explained for a while is sought anew.
     fn judge(&mut self) {
         let markers = self.traces.len();
-        let measured = self.traces.iter().filter(|trace| trace.is_measured()).count();
+        let measured = self
+            .traces
+            .iter()
+            .filter(|trace| trace.is_measured())
+            .count();
         let seen = self.points.len();
         let possible = markers.min(seen);
-        if 2 * measured >= possible {
+        if 3 * measured >= 2 * possible {
             self.course.poor = 0;
         } else {
             self.course.poor = self.course.poor.saturating_add(1);

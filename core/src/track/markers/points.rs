@@ -106,7 +106,12 @@ impl<'b> Points<'b> {
     /// Counting sort.
     fn sort(&mut self, given: &[[f32; 3]], is_usable: impl Fn(&[f32; 3]) -> bool) {
         self.bins.fill(0);
-        let usable = || given.iter().enumerate().filter(|(_, point)| is_usable(point));
+        let usable = || {
+            given
+                .iter()
+                .enumerate()
+                .filter(|(_, point)| is_usable(point))
+        };
         for (_, point) in usable() {
             let bin = self.bin(point[self.axis]);
             if let Some(end) = self.bins.get_mut(bin + 1) {
@@ -186,7 +191,10 @@ impl<'b> Points<'b> {
         self.work += window.len() as u32;
         let start = window.start;
         let points = self.points.get(window).unwrap_or_default();
-        points.iter().enumerate().map(move |(at, point)| (start + at, point))
+        points
+            .iter()
+            .enumerate()
+            .map(move |(at, point)| (start + at, point))
     }
 
     /// The nearest point within `radius` that `accept`s, with its squared distance.
@@ -216,7 +224,11 @@ mod tests {
         let given: Vec<[f32; 3]> = (0..100_u16)
             .map(|i| {
                 let t = f32::from(i);
-                [libm::sinf(t), 3.0 * libm::cosf(1.7 * t), libm::sinf(0.3 * t)]
+                [
+                    libm::sinf(t),
+                    3.0 * libm::cosf(1.7 * t),
+                    libm::sinf(0.3 * t),
+                ]
             })
             .chain([[f32::NAN, 0.0, 0.0], [2e3, 0.0, 0.0], [0.0, 9.0, 0.0]])
             .collect();

@@ -90,9 +90,8 @@ impl Frame<'_, '_> {
             }
         }
         let pick = |place: usize| place & 3;
-        let rings = places.map(|i| {
-            places.map(|j| Ring::new(distances[pick(i)][pick(j)], tolerance))
-        });
+        let rings =
+            places.map(|i| places.map(|j| Ring::new(distances[pick(i)][pick(j)], tolerance)));
         Some(Seed {
             markers: places.map(|place| all[pick(place)]),
             fixed: places.map(|place| points[pick(place)]),
@@ -170,8 +169,7 @@ impl Frame<'_, '_> {
         let new = seed.markers.iter().zip(points).skip(known);
         new.into_iter().all(|(&marker, point)| {
             let position = self.points.at(point).position;
-            let (against, count) =
-                contradiction(self.model, self.traces, marker, position, NONE);
+            let (against, count) = contradiction(self.model, self.traces, marker, position, NONE);
             against <= 4.0 * count as f32
         })
     }
@@ -185,16 +183,20 @@ impl Frame<'_, '_> {
         unique: bool,
     ) -> Search {
         let mut found = Search::None;
-        let [[_, to_b, to_c, to_d], [_, _, b_to_c, b_to_d], [_, _, _, c_to_d], _] = seed.rings;
+        let [
+            [_, to_b, to_c, to_d],
+            [_, _, b_to_c, b_to_d],
+            [_, _, _, c_to_d],
+            _,
+        ] = seed.rings;
         let free = |frame: &Self, level: usize, at: usize| {
             seed.fixed[level & 3].is_some() || frame.points.at(at).owner == NONE
         };
-        let range = |frame: &Self, level: usize, centre: Vec3, ring: &Ring| match seed.fixed
-            [level & 3]
-        {
-            Some(at) => at..at + 1,
-            None => frame.points.window(centre, ring.reach),
-        };
+        let range =
+            |frame: &Self, level: usize, centre: Vec3, ring: &Ring| match seed.fixed[level & 3] {
+                Some(at) => at..at + 1,
+                None => frame.points.window(centre, ring.reach),
+            };
         let firsts = seed.fixed[0].map_or(firsts, |at| at..at + 1);
         for a in firsts {
             if !free(self, 0, a) {
@@ -259,7 +261,11 @@ impl Frame<'_, '_> {
             self.begin(marker, point);
         }
         self.seek(budget.saturating_add(self.config.search / 2));
-        let measured = self.traces.iter().filter(|trace| trace.is_measured()).count();
+        let measured = self
+            .traces
+            .iter()
+            .filter(|trace| trace.is_measured())
+            .count();
         let possible = self.points.len().min(self.traces.len());
         if measured >= (possible / 2).clamp(4, ENOUGH) && self.witness() {
             return true;

@@ -33,7 +33,10 @@ impl core::fmt::Display for MemoryError {
             needed,
             found,
         } = self;
-        write!(f, "{buffer}: {found} rows, {needed} needed; size it by the model's counts")
+        write!(
+            f,
+            "{buffer}: {found} rows, {needed} needed; size it by the model's counts"
+        )
     }
 }
 

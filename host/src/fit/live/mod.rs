@@ -6,9 +6,10 @@
 //! recognised.
 
 use glam::DVec3;
-use sinew_core::track::markers::{
-    LINK_NUMBERS, MARKER_NUMBERS, MAX_MARKERS, Model, SEED_NUMBERS, Tables,
+use sinew_core::asset::{
+    Asset, LINK_NUMBERS, MARKER_NUMBERS, MAX_MARKERS, MarkerTables, SEED_NUMBERS,
 };
+use sinew_core::track::markers::Model;
 
 use crate::clean::fill::{FillOptions, View, fill, in_parallel};
 use crate::clean::neighbours::Neighbour;
@@ -111,7 +112,7 @@ pub struct MarkerModel {
     pub labels: Vec<String>,
     /// Frames a second of the takes learned from.
     pub rate: f64,
-    /// As [`Tables`] describes them.
+    /// As [`MarkerTables`] describes them.
     pub markers: Vec<[f32; MARKER_NUMBERS]>,
     /// `[markers x neighbours]`
     pub neighbours: Vec<u16>,
@@ -128,14 +129,33 @@ pub struct MarkerModel {
 impl MarkerModel {
     /// The tables, for the core.
     #[must_use]
-    pub fn tables(&self) -> Tables<'_> {
-        Tables {
+    pub fn tables(&self) -> MarkerTables<'_> {
+        MarkerTables {
             markers: &self.markers,
             neighbours: &self.neighbours,
             links: &self.links,
             seed_markers: &self.seed_markers,
             seeds: &self.seeds,
         }
+    }
+
+    /// The marker set of an asset; `None` where it has none.
+    #[must_use]
+    pub fn of(asset: &Asset<'_>) -> Option<Self> {
+        let tables = asset.markers()?;
+        let names = 0..tables.markers.len();
+        Some(Self {
+            labels: names
+                .map(|marker| asset.marker_name(marker).to_owned())
+                .collect(),
+            rate: f64::from(asset.marker_rate()),
+            markers: tables.markers.to_vec(),
+            neighbours: tables.neighbours.to_vec(),
+            links: tables.links.to_vec(),
+            seed_markers: tables.seed_markers.to_vec(),
+            seeds: tables.seeds.to_vec(),
+            left_out: Vec::new(),
+        })
     }
 
     /// The checked model.
@@ -222,7 +242,10 @@ pub fn learn(
         markers: Vec::new(),
         neighbours: Vec::new(),
         links: Vec::new(),
-        seed_markers: seeds.iter().flat_map(|s| s.markers.map(|m| m as u16)).collect(),
+        seed_markers: seeds
+            .iter()
+            .flat_map(|s| s.markers.map(|m| m as u16))
+            .collect(),
         seeds: seeds.iter().map(|seed| seed.numbers).collect(),
         left_out,
     };
@@ -232,7 +255,9 @@ pub fn learn(
             needed: count,
         })?;
         model.markers.push(numbers);
-        model.neighbours.extend(sets[marker].iter().map(|n| n.marker as u16));
+        model
+            .neighbours
+            .extend(sets[marker].iter().map(|n| n.marker as u16));
         model.links.extend(links);
     }
     Ok(model)

@@ -45,7 +45,7 @@ impl Pairs {
 const SESSION: f64 = 0.003;
 /// And by this share of themselves: a long distance that kept its length perhaps just was not
 /// bent.
-const SHARE: f64 = 0.015;
+const SHARE: f64 = 0.008;
 /// Deviation, metres, beyond which a distance depends on the pose, and the takes show few poses.
 const POSE: f64 = 0.01;
 /// Most by which it may then be wider than seen.

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use sinew_core::track::markers::{LINK_NUMBERS, MARKER_NUMBERS};
+use sinew_core::asset::{LINK_NUMBERS, MARKER_NUMBERS};
 
 use super::pairs::spread;
 use crate::clean::fill::View;
@@ -40,13 +40,21 @@ pub(super) fn regress(view: &View<'_>, marker: usize, set: &[Neighbour]) -> Opti
         link
     });
     let links: Vec<_> = links.collect();
-    let finite = links.iter().flatten().chain(&numbers).all(|x| x.is_finite());
+    let finite = links
+        .iter()
+        .flatten()
+        .chain(&numbers)
+        .all(|x| x.is_finite());
     finite.then_some((numbers, links))
 }
 
 /// Time in which the correlation of the error with itself falls to 1 / e.
 fn memory(model: &Model, rate: f64) -> f64 {
-    let at: HashMap<usize, _> = model.residuals.iter().map(|(frame, _, r)| (*frame, *r)).collect();
+    let at: HashMap<usize, _> = model
+        .residuals
+        .iter()
+        .map(|(frame, _, r)| (*frame, *r))
+        .collect();
     let measure = |lag: usize| {
         let (mut with, mut own) = (0.0, 0.0);
         for (frame, _, residual) in &model.residuals {

@@ -4,9 +4,9 @@
 //! image is told apart. The expected number of wrong matches decides between them.
 
 use glam::DVec3;
-use sinew_core::track::markers::SEED_NUMBERS;
+use sinew_core::asset::SEED_NUMBERS;
 
-use super::pairs::{Pairs, spread};
+use super::pairs::Pairs;
 use crate::clean::fill::View;
 
 /// Four markers and their geometry.
@@ -19,14 +19,20 @@ pub(super) struct Seed {
 }
 
 /// Rigid partners of a marker from which the other three are taken.
-const POOL: usize = 10;
+const POOL: usize = 12;
 /// Shortest distance within a seed, metres.
 const SHORT: f64 = 0.03;
-/// Distances are looked for within this many deviations, and this many metres at most.
-const DEVIATIONS: f64 = 3.0;
-const WIDEST: f64 = 0.03;
+/// Distances are looked for within this many deviations and metres more, but no further than the
+/// third figure.
+const DEVIATIONS: f64 = 3.5;
+const SLACK: f64 = 0.003;
+const WIDEST: f64 = 0.025;
+/// Frames in which a seed must match nothing but itself, and by how much its tolerance is then
+/// widened.
+const TRIALS: usize = 12;
+const MARGIN: f64 = 1.3;
 /// Seeds in which one marker may stand.
-const USES: usize = 5;
+const USES: usize = 4;
 /// Frames looked at for handedness.
 const FRAMES: usize = 300;
 
@@ -52,6 +58,7 @@ pub(super) fn choose(view: &View<'_>, pairs: &Pairs, count: usize) -> Vec<Seed> 
         seed.set_handedness(view);
     }
     candidates.sort_by(|x, y| x.score.total_cmp(&y.score).then(x.markers.cmp(&y.markers)));
+    let trials = trials(view);
     let mut uses = vec![0; view.marker_count()];
     let mut chosen: Vec<Seed> = Vec::new();
     for seed in candidates {
@@ -65,6 +72,7 @@ pub(super) fn choose(view: &View<'_>, pairs: &Pairs, count: usize) -> Vec<Seed> 
         if chosen.len() < count
             && seed.markers.iter().all(|&marker| uses[marker] < USES)
             && !chosen.iter().any(is_known)
+            && trials.iter().all(|points| seed.is_alone(points))
         {
             for marker in seed.markers {
                 uses[marker] += 1;
@@ -75,20 +83,36 @@ pub(super) fn choose(view: &View<'_>, pairs: &Pairs, count: usize) -> Vec<Seed> 
     chosen
 }
 
+/// Markers and their places in frames that show many, spread over the take.
+fn trials(view: &View<'_>) -> Vec<Vec<(usize, DVec3)>> {
+    let frames = view.take.frame_count();
+    let part = frames.div_ceil(TRIALS).max(1);
+    let richest = |start: usize| {
+        let range = start..(start + part).min(frames);
+        let frame = range.max_by_key(|&frame| view.take.seen(frame).count())?;
+        Some(view.take.seen(frame).collect())
+    };
+    (0..frames).step_by(part).filter_map(richest).collect()
+}
+
 fn candidate(pairs: &Pairs, markers: [usize; 4]) -> Option<Seed> {
     let [a, b, c, d] = markers;
     let mut numbers = [0.0; SEED_NUMBERS];
     let (mut worst, mut size): (f64, f64) = (0.0, 0.0);
-    for (number, (from, to)) in numbers.iter_mut().zip([(a, b), (a, c), (b, c), (a, d), (b, d), (c, d)]) {
+    for (number, (from, to)) in
+        numbers
+            .iter_mut()
+            .zip([(a, b), (a, c), (b, c), (a, d), (b, d), (c, d)])
+    {
         let (distance, variance) = pairs.between(from, to);
         if distance.is_nan() || distance < SHORT {
             return None;
         }
         *number = distance as f32;
-        worst = worst.max(spread(distance, variance));
+        worst = worst.max(variance);
         size += distance.ln() / 6.0;
     }
-    let tolerance = DEVIATIONS * worst;
+    let tolerance = DEVIATIONS * worst.sqrt() + SLACK;
     if tolerance > WIDEST {
         return None;
     }
@@ -103,6 +127,36 @@ fn candidate(pairs: &Pairs, markers: [usize; 4]) -> Option<Seed> {
 }
 
 impl Seed {
+    /// Whether no four points but its own match it: no other group, and not itself turned over.
+    fn is_alone(&self, points: &[(usize, DVec3)]) -> bool {
+        let [ab, ac, bc, ad, bd, cd, tolerance, volume] = self.numbers.map(f64::from);
+        let holds = |a: DVec3, b: DVec3, distance: f64| {
+            (a.distance(b) - distance).abs() <= MARGIN * tolerance
+        };
+        for &(a, pa) in points {
+            for &(b, pb) in points.iter().filter(|(_, p)| holds(pa, *p, ab)) {
+                for &(c, pc) in points.iter().filter(|(_, p)| holds(pa, *p, ac)) {
+                    if !holds(pb, pc, bc) {
+                        continue;
+                    }
+                    for &(d, pd) in points.iter().filter(|(_, p)| holds(pa, *p, ad)) {
+                        let found = (pb - pa).cross(pc - pa).dot(pd - pa);
+                        let is_handed = volume == 0.0 || 3.0 * found * volume > volume * volume;
+                        if holds(pb, pd, bd)
+                            && holds(pc, pd, cd)
+                            && is_handed
+                            && a != b
+                            && [a, b, c, d] != self.markers
+                        {
+                            return false;
+                        }
+                    }
+                }
+            }
+        }
+        true
+    }
+
     /// The mean signed volume where it keeps its sign, else 0.
     fn set_handedness(&mut self, view: &View<'_>) {
         let [a, b, c, d] = self.markers.map(|marker| view.trajectory(marker));
