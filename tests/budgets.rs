@@ -1,7 +1,8 @@
 //! Committed measurements of the firmware in `examples/cortex-m`, and what may become of them.
 //!
 //! A report is what the firmware prints: TOML, one number a line. Numbers whose names start with
-//! `icount_` (instructions) or `bytes_` have a budget in `tests/budgets.toml`, a table an asset.
+//! `icount_` (instructions) or `bytes_` have a budget in `tests/budgets.toml`, a table for each stage
+//! and asset.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -53,8 +54,8 @@ impl Report {
 
     /// Its table in `tests/budgets.toml`.
     #[must_use]
-    pub fn to_table(&self, asset: &str) -> String {
-        let mut text = format!("[{asset}]\ncompiler = \"{}\"\n", self.compiler);
+    pub fn to_table(&self, key: &str) -> String {
+        let mut text = format!("[{key}]\ncompiler = \"{}\"\n", self.compiler);
         for (name, number) in &self.numbers {
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{name} = {number}");
@@ -68,22 +69,29 @@ impl Report {
 pub struct Fingerprints {
     /// CRC-32 of the file.
     pub asset: String,
-    /// Of the frames of its first clip.
+    /// Of all that the stage puts out.
     pub frames: String,
 }
 
 impl Fingerprints {
-    /// Those of the asset called `name` in the text of `tests/golden/fingerprints.toml`.
+    /// Those of the case `key`, `stage.asset`, in the text of `tests/golden/fingerprints.toml`.
     #[must_use]
-    pub fn of(text: &str, name: &str) -> Option<Self> {
+    pub fn of(text: &str, key: &str) -> Option<Self> {
         let table: toml::Table = text.parse().ok()?;
-        let table = table.get(name)?.as_table()?;
+        let table = nested(&table, key)?;
         let text = |name: &str| Some(table.get(name)?.as_str()?.to_owned());
         Some(Self {
             asset: text("asset")?,
             frames: text("frames")?,
         })
     }
+}
+
+/// The table of the case `key`, `stage.asset`.
+#[must_use]
+pub fn nested<'t>(table: &'t toml::Table, key: &str) -> Option<&'t toml::Table> {
+    let (stage, asset) = key.split_once('.')?;
+    table.get(stage)?.as_table()?.get(asset)?.as_table()
 }
 
 /// How a number stands against its budget.
@@ -268,9 +276,9 @@ mod tests {
     #[test]
     fn a_table_survives_writing_and_reading() {
         let mut wanted = report("1.95.0", &[("bytes_asset", 7), ("icount_load", 9)]);
-        let text = wanted.to_table("arm") + "joints = 3\n";
+        let text = wanted.to_table("skin.arm") + "joints = 3\n";
         let table: toml::Table = text.parse().unwrap();
-        let read = Report::from_table(table["arm"].as_table().unwrap());
+        let read = Report::from_table(nested(&table, "skin.arm").unwrap());
         assert_eq!(read, wanted);
         wanted.numbers.clear();
         assert_ne!(read, wanted);

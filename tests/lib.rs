@@ -6,6 +6,7 @@
 
 pub mod body;
 pub mod budgets;
+pub mod cases;
 pub mod gltf_oracle;
 pub mod human;
 pub mod laplacian;

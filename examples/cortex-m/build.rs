@@ -1,4 +1,4 @@
-//! Which asset goes into the firmware, and where the linker finds its scripts.
+//! Which stage and which asset go into the firmware, and where the linker finds its scripts.
 
 use std::path::Path;
 use std::process::Command;
@@ -19,6 +19,13 @@ fn main() {
         .unwrap_or_else(|error| panic!("the asset {}: {error}", asset.display()));
     println!("cargo:rerun-if-changed={}", asset.display());
     println!("cargo:rustc-env=SINEW_ASSET_PATH={}", asset.display());
+
+    // A path instead of a look-up by name: the linker then drops all other stages.
+    println!("cargo:rerun-if-env-changed=SINEW_STAGE");
+    let stage = env::var("SINEW_STAGE").unwrap_or("skin".into());
+    let out = env::var_os("OUT_DIR").expect("cargo sets it");
+    let text = format!("pub use sinew_stages::{stage}::run;\n");
+    fs::write(Path::new(&out).join("stage.rs"), text).expect("the build folder takes files");
 
     println!("cargo:rustc-env=SINEW_COMPILER={}", compiler());
 }

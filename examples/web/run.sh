@@ -9,22 +9,15 @@ here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 target=wasm32-unknown-unknown
 
-skip() {
-    echo "SKIPPED: $1" >&2
-    exit 77
-}
-
+. "$root/examples/toolchain.sh"
 command -v node > /dev/null || skip "needs node"
 rustup target list --installed 2> /dev/null | grep -qx $target ||
     rustup target add $target > /dev/null 2>&1 ||
     skip "needs the target $target (rustup target add $target)"
 
-mkdir -p "$here/target"
 asset=$here/target/human.sinew
-(cd "$root" && cargo run --release --quiet -p sinew-host -- bake --quiet \
-    --mesh examples/data/human.glb --motion examples/data/walk.bvh \
-    --motion examples/data/kneel.bvh --output "$asset")
-expected=$(sed -n '/^\[human\]/,/^\[/s/^frames = "\(.*\)"/\1/p' "$root/tests/golden/fingerprints.toml")
+bundled "$asset"
+expected=$(sed -n '/^\[skin\.human\]/,/^\[/s/^frames = "\(.*\)"/\1/p' "$root/tests/golden/fingerprints.toml")
 
 for features in "" +simd128; do
     echo "target features: ${features:-none}"

@@ -1,13 +1,13 @@
 //! Compares what the firmware in `examples/cortex-m` printed with what is committed.
 //!
-//! `budgets ASSET REPORT FRAME_ONLY [--check | --update]`: the asset's name in
-//! `tests/budgets.toml`, the file with the output of `walk`, and the firmware `frame_only`.
+//! `budgets CASE REPORT FRAME_ONLY [--check | --update]`: the case's key in `tests/budgets.toml`, the
+//! file with the output of the firmware `stage`, and the firmware `frame_only`.
 
 use std::fmt::Write;
 use std::process::ExitCode;
 use std::{env, fs};
 
-use sinew_tests::budgets::{Fingerprints, Image, Report, Row, Verdict, compare};
+use sinew_tests::budgets::{Fingerprints, Image, Report, Row, Verdict, compare, nested};
 use sinew_tests::root;
 
 fn main() -> ExitCode {
@@ -18,7 +18,7 @@ fn main() -> ExitCode {
             ([asset, report, firmware], mode.as_str())
         }
         _ => {
-            eprintln!("usage: budgets ASSET REPORT FRAME_ONLY [--check | --update]");
+            eprintln!("usage: budgets CASE REPORT FRAME_ONLY [--check | --update]");
             return ExitCode::from(2);
         }
     };
@@ -76,7 +76,7 @@ fn run([asset, report, firmware]: [&String; 3], mode: &str) -> Result<Vec<String
         println!("{asset}: written to tests/budgets.toml");
         return Ok(faults);
     }
-    let Some(budget) = budgets.get(asset).and_then(toml::Value::as_table) else {
+    let Some(budget) = nested(&budgets, asset) else {
         println!("{asset}: no budget is committed in tests/budgets.toml");
         return Ok(faults);
     };
@@ -125,13 +125,18 @@ fn table(asset: &str, rows: &[Row]) -> String {
     text
 }
 
-/// The file with one asset's table replaced.
+/// The file with one case's table replaced.
 fn updated(budgets: &toml::Table, asset: &str, measured: &Report) -> String {
     let mut tables: Vec<(String, String)> = budgets
         .iter()
-        .filter(|(name, _)| *name != asset)
-        .filter_map(|(name, table)| Some((name.clone(), Report::from_table(table.as_table()?))))
-        .map(|(name, report)| (name.clone(), report.to_table(&name)))
+        .filter_map(|(stage, assets)| Some((stage, assets.as_table()?)))
+        .flat_map(|(stage, assets)| {
+            let assets = assets.iter();
+            assets.map(move |(asset, table)| (format!("{stage}.{asset}"), table))
+        })
+        .filter(|(key, _)| key != asset)
+        .filter_map(|(key, table)| Some((key, Report::from_table(table.as_table()?))))
+        .map(|(key, report)| (key.clone(), report.to_table(&key)))
         .collect();
     tables.push((asset.to_owned(), measured.to_table(asset)));
     tables.sort();
