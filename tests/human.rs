@@ -17,6 +17,16 @@ use crate::root;
 /// When the bundled files are absent or no longer fit.
 #[must_use]
 pub fn asset() -> AssetBytes {
+    let baked = bake(&avatar(), &BakeOptions::default());
+    baked.expect("bakes").bytes
+}
+
+/// The body with both clips, before baking.
+///
+/// # Panics
+/// When the bundled files are absent or no longer fit.
+#[must_use]
+pub fn avatar() -> Avatar {
     let read = |name: &str| fs::read(root().join("examples/data").join(name)).expect(name);
     let raw = read_gltf(&read("human.glb"), "human.glb", Path::new("")).expect("a body");
     let (mut body, _) = Avatar::new(raw, "human.glb").expect("a sound body");
@@ -35,6 +45,5 @@ pub fn asset() -> AssetBytes {
         fitted.clip.name = name.into();
         body.clips.push(fitted.clip);
     }
-    let baked = bake(&body, &BakeOptions::default());
-    baked.expect("bakes").bytes
+    body
 }

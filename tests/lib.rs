@@ -11,6 +11,7 @@ pub mod gltf_oracle;
 pub mod human;
 pub mod laplacian;
 pub mod live;
+pub mod marker_film;
 
 use std::path::{Path, PathBuf};
 

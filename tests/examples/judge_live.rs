@@ -16,7 +16,41 @@ const FILES: [(&str, Option<LengthUnit>); 5] = [
     ("trc/marker_flip_dropjump.trc", None),
 ];
 
+fn studio() -> Vec<(String, Take, Take)> {
+    use sinew_host::studio::MarkerLayout;
+    let body = sinew_tests::human::avatar();
+    let mut all = Vec::new();
+    for (name, layout) in [("set41", MarkerLayout::Standard41), ("set53", MarkerLayout::Standard53), ("dense120", MarkerLayout::Dense(120)), ("dense350", MarkerLayout::Dense(350))] {
+        let film = |clip: usize| sinew_tests::marker_film::truth(&body, &body.clips[clip], layout, 120.0, 8.0);
+        let (walk, kneel) = (film(0), film(1));
+        let half = kneel.frame_count() / 2;
+        // Learned from the walk and half of the kneeling.
+        let lesson = join(&walk, &cut(&kneel, 0, half));
+        all.push((format!("studio_{name}"), lesson, cut(&kneel, half, kneel.frame_count())));
+    }
+    all
+}
+
+fn join(a: &Take, b: &Take) -> Take {
+    let mut paths = Vec::new();
+    for marker in 0..a.marker_count() {
+        paths.extend_from_slice(a.trajectory(marker));
+        paths.extend_from_slice(b.trajectory(marker));
+    }
+    Take::new(a.labels().to_vec(), a.rate(), a.frame_count() + b.frame_count(), paths).unwrap()
+}
+
 fn main() {
+    if std::env::args().any(|a| a == "studio") {
+        for (name, lesson, test) in studio() {
+            let model = learn(&[lesson], &LearnOptions::default(), &|| {}).unwrap();
+            for seed in 1..=2 {
+                let trial = trial(&test, &model.labels, &Harm { seed, ..Harm::default() });
+                dump(&trial, &model, &format!("{}/{name}_{seed}.bin", std::env::var("LAB").unwrap()));
+            }
+        }
+        return;
+    }
     let wanted = std::env::args().nth(1).unwrap_or_default();
     let detail = std::env::args().any(|argument| argument == "--course");
     println!(

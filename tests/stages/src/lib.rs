@@ -7,6 +7,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod markers;
 mod memory;
 pub mod skin;
 
@@ -50,7 +51,10 @@ impl Probe for Unmeasured {
 pub type Run = fn(&[u8], Level, &mut [f32], &mut Unmeasured) -> Result<u64, Fault>;
 
 /// All stages by name.
-pub const ALL: &[(&str, Run)] = &[("skin", skin::run::<Unmeasured>)];
+pub const ALL: &[(&str, Run)] = &[
+    ("skin", skin::run::<Unmeasured>),
+    ("markers", markers::run::<Unmeasured>),
+];
 
 /// Why a stage did not run.
 #[derive(Clone, Copy, Debug, PartialEq)]

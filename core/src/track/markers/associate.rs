@@ -7,42 +7,67 @@ use glam::Vec3;
 
 use super::pace::square;
 use super::state::{NONE, Trace};
-use super::{Frame, OFFERS};
+use super::{Frame, Model, OFFERS};
 use crate::solve::assignment::{Assignment, Choice};
 
 /// Cost of staying without a point: a sure marker's point lies within 5.5 standard deviations.
 const PRICE: f32 = 30.0;
 /// Distances are compared in square deviations, capped at this.
 pub(super) const CAP: f32 = 25.0;
+/// Most by which a fill is off beyond its own deviation, metres, and the seconds to half of it.
+const UNKNOWN: f32 = 0.02;
+const HALF: f32 = 0.15;
+/// Distances that vary by more than this many metres say little, and much the same.
+const LOOSE: f32 = 0.015;
 /// Steps that a frame's assignment may take, a marker.
 pub(super) const SEARCH: u32 = 16;
 
+/// Which markers look for a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Who {
+    /// Measured in the frame before: around where their motion takes them.
+    Seen,
+    /// Filled well: around where their neighbours expect them.
+    Filled,
+}
+
 impl Frame<'_, '_> {
-    /// Markers seen in the frame before look around where their motion takes them.
     pub(super) fn associate_seen(&mut self) {
+        self.associate(Who::Seen);
+    }
+
+    pub(super) fn associate_filled(&mut self) {
+        self.associate(Who::Filled);
+    }
+
+    /// Variance of a coordinate of a marker that takes part, square metres.
+    fn variance(&self, who: Who, trace: &Trace) -> Option<f32> {
         let jerk = self.pace.jerk;
-        self.associate(|trace| {
-            let is_fresh = trace.is_placed && trace.gap == 0;
-            is_fresh.then_some(2.0 * trace.surprise + jerk)
-        });
+        if !trace.is_placed || trace.is_measured() {
+            return None;
+        }
+        if who == Who::Seen {
+            return (trace.gap == 0).then_some(2.0 * trace.surprise + jerk);
+        }
+        // In poses that were not learned a fill is off by more than it knows.
+        let seconds = f32::from(trace.gap) * self.pace.step;
+        let unknown = if trace.streak_before > 0 {
+            UNKNOWN * seconds / (seconds + HALF)
+        } else {
+            0.0
+        };
+        let variance = square(trace.sigma) + square(unknown) + jerk;
+        let is_asked = trace.sigma <= self.config.limit;
+        is_asked.then_some(variance)
     }
 
-    /// Filled markers look around where their neighbours expect them, among what is left.
-    pub(super) fn associate_missing(&mut self) {
-        let (limit, jerk) = (self.config.limit, self.pace.jerk);
-        self.associate(|trace| {
-            let is_waiting = trace.is_placed && !trace.is_measured() && trace.sigma <= limit;
-            is_waiting.then_some(square(trace.sigma) + jerk)
-        });
-    }
-
-    /// `variance`: of a coordinate of a marker that takes part, square metres.
-    fn associate(&mut self, variance: impl Fn(&Trace) -> Option<f32>) {
-        let mut problem = Assignment::<_, _, OFFERS>::new(&mut *self.rows, &mut *self.columns);
+    fn associate(&mut self, who: Who) {
         let unit = 1.0 / self.pace.jerk;
+        Assignment::<_, _, OFFERS>::new(&mut *self.rows, &mut *self.columns);
         let mut any = false;
-        for (marker, trace) in self.traces.iter().enumerate() {
-            let Some(variance) = variance(trace) else {
+        for marker in 0..self.traces.len() {
+            let trace = self.trace(marker);
+            let Some(variance) = self.variance(who, &trace) else {
                 continue;
             };
             let unsure = 3.0 * rough_ln((variance * unit).max(1.0));
@@ -62,6 +87,7 @@ impl Frame<'_, '_> {
             if offers.0[0].0 == NONE {
                 continue;
             }
+            let mut problem = Assignment::<_, _, OFFERS>::of(&mut *self.rows, &mut *self.columns);
             problem.add(marker, PRICE);
             any = true;
             for (at, distance2) in offers.0 {
@@ -83,6 +109,7 @@ impl Frame<'_, '_> {
             return;
         }
         let steps = SEARCH * self.traces.len() as u32;
+        let mut problem = Assignment::<_, _, OFFERS>::of(&mut *self.rows, &mut *self.columns);
         self.points.work += problem.solve(steps);
         for marker in 0..self.traces.len() {
             let choice =
@@ -94,10 +121,30 @@ impl Frame<'_, '_> {
     }
 }
 
+/// In how many places a marker might be by its distances to found neighbours, inversely: the
+/// product of the three best ratios of distance to spread.
+pub(super) fn evidence(model: &Model<'_>, traces: &[Trace], marker: usize) -> f32 {
+    let mut best = [1.0_f32; 3];
+    for (index, link) in model.links(marker) {
+        if traces.get(index).is_some_and(Trace::is_measured) {
+            let mut carried = link.distance() / link.spread();
+            if link.spread() > LOOSE {
+                carried = carried.min(4.0);
+            }
+            for slot in &mut best {
+                if carried > *slot {
+                    core::mem::swap(slot, &mut carried);
+                }
+            }
+        }
+    }
+    best[0] * best[1] * best[2]
+}
+
 /// How far a place contradicts the distances to a marker's measured neighbours: the sum of what
 /// their square deviations have over 4, and how many were asked. Neighbour `except` is not.
 pub(super) fn contradiction(
-    model: &super::Model<'_>,
+    model: &Model<'_>,
     traces: &[Trace],
     marker: usize,
     position: Vec3,

@@ -2,19 +2,26 @@
 
 use super::Frame;
 use super::associate::{contradiction, deviation};
-use super::fill::{self, Expectation, expect};
+use super::fill::{self, Expectation, expect, placed};
 use super::pace::square;
 use super::state::NONE;
+use crate::math::rough_inverse_sqrt;
 
 /// A distance this many square deviations off is wrong.
 const WRONG: f32 = 16.0;
+/// A marker is weak unless so many distances that vary by less than so many metres are within so
+/// many square deviations.
+const FIRM: u8 = 3;
+const TIGHT: f32 = 0.01;
+const RIGHT: f32 = 9.0;
 /// Frames, more or less in a row, with wrong distances before a marker is lost.
 const PATIENCE: u8 = 3;
 /// Neighbours whose word counts: share of their weight.
 const SHARE: f32 = 0.5;
-/// Metres by which a marker may sit elsewhere than learned; the first figure before its bias is
-/// known.
-const MISPLACED: [f32; 2] = [0.03, 0.012];
+/// Metres by which a marker may sit elsewhere than learned.
+const MISPLACED: f32 = 0.015;
+/// Within so many metres and two deviations of where it is expected a marker is not questioned.
+const CLOSE: f32 = 0.005;
 
 impl Frame<'_, '_> {
     /// Compares all markers with their distances and loses the worst; compares some in turn with
@@ -57,17 +64,20 @@ impl Frame<'_, '_> {
             return 0.0;
         }
         self.points.work += 1;
-        let (mut wrong, mut count) = (0.0, 0.0);
+        let (mut wrong, mut count, mut firm) = (0.0, 0.0, 0);
         for (index, link) in self.model.links(marker) {
             let Some(other) = self.traces.get(index) else {
                 continue;
             };
             if other.is_measured() {
                 count += 1.0;
-                if deviation(&link, trace.position, other.position) > WRONG {
-                    wrong += 1.0;
-                }
+                let off = deviation(&link, trace.position, other.position);
+                wrong += f32::from(u8::from(off > WRONG));
+                firm += u8::from(off < RIGHT && link.spread() < TIGHT);
             }
+        }
+        if let Some(trace) = self.traces.get_mut(marker) {
+            trace.is_weak = firm < FIRM;
         }
         if wrong >= 2.0 && 3.0 * wrong > count {
             wrong / count
@@ -76,7 +86,7 @@ impl Frame<'_, '_> {
         }
     }
 
-    fn lose(&mut self, marker: usize) {
+    pub(super) fn lose(&mut self, marker: usize) {
         self.drop_point(marker);
         if let Some(trace) = self.traces.get_mut(marker) {
             trace.is_placed = false;
@@ -98,22 +108,18 @@ impl Frame<'_, '_> {
         };
         let own = self.model.marker(marker);
         let miss = found.to_local(trace.position) - found.local - trace.bias;
-        let misplaced = MISPLACED[usize::from(trace.is_biased)];
-        let limit = square(5.0 * own.sigma + misplaced);
-        if miss.length_squared() > limit {
-            self.correct(marker, &found);
+        let miss2 = miss.length_squared();
+        if miss2 > square(2.0 * own.sigma + CLOSE) && self.correct(marker, &found) {
             return;
         }
-        let share = if trace.is_biased {
-            self.pace.bias.min(1.0)
-        } else {
-            0.5
-        };
         if let Some(trace) = self.traces.get_mut(marker) {
             (trace.turn, trace.is_turned) = (found.turn, true);
-            if trace.doubt == 0 {
-                trace.bias += miss * share;
-                trace.is_biased = true;
+            if trace.doubt == 0 && miss2 < square(5.0 * own.sigma + MISPLACED) {
+                trace.bias += miss * self.pace.bias.min(1.0);
+                let bias2 = trace.bias.length_squared();
+                if bias2 > MISPLACED * MISPLACED {
+                    trace.bias *= MISPLACED * rough_inverse_sqrt(bias2);
+                }
             }
         }
     }
@@ -121,25 +127,25 @@ impl Frame<'_, '_> {
     fn expectation(&mut self, marker: usize) -> Option<Expectation> {
         let trace = self.trace(marker);
         self.points.work += fill::work(self.model.dims().neighbour_count);
-        let found = expect(self.model, self.traces, marker, trace.turn, trace.is_turned);
+        let found = expect(self.model, placed(self.traces), marker, trace.turn());
         found.filter(|found| found.share > SHARE)
     }
 
     /// A marker that is not where it is expected: takes the point that is there, if that explains
-    /// more, for the point's owner too.
-    fn correct(&mut self, marker: usize, found: &Expectation) {
+    /// more, for the point's owner too. Whether it did.
+    fn correct(&mut self, marker: usize, found: &Expectation) -> bool {
         let trace = self.trace(marker);
         let own = self.model.marker(marker);
         let expected = found.to_world(found.local + trace.bias);
-        let reach = 4.0 * own.sigma + MISPLACED[usize::from(trace.is_biased)];
+        let reach = 4.0 * own.sigma + MISPLACED;
         let here = usize::from(trace.point);
         let Some((there, miss2)) = self.points.nearest(expected, reach, |_| true) else {
-            return;
+            return false;
         };
         let owner = self.points.at(there).owner;
         let other = usize::from(owner);
         if there == here || 4.0 * miss2 > trace.position.distance_squared(expected) {
-            return;
+            return false;
         }
         let against = |frame: &Self, marker: usize, point: usize, except: usize| {
             let position = frame.points.at(point).position;
@@ -148,15 +154,16 @@ impl Frame<'_, '_> {
         let now = against(self, marker, here, other);
         let then = against(self, marker, there, other);
         if owner == NONE {
-            if then <= now {
+            let is_better = then <= now;
+            if is_better {
                 self.drop_point(marker);
                 self.begin(marker, there);
                 self.corrected += 1;
             }
-            return;
+            return is_better;
         }
         let Some(others) = self.expectation(other) else {
-            return;
+            return false;
         };
         let bias = self.trace(other).bias;
         let elsewhere = others.to_world(others.local + bias);
@@ -167,12 +174,14 @@ impl Frame<'_, '_> {
         let is_nearer = 4.0 * elsewhere.distance_squared(to) < elsewhere.distance_squared(from);
         let now = now + against(self, other, there, marker);
         let then = then + against(self, other, here, marker);
-        if is_nearer && then <= now {
+        let is_better = is_nearer && then <= now;
+        if is_better {
             self.drop_point(marker);
             self.drop_point(other);
             self.begin(marker, there);
             self.begin(other, here);
             self.corrected += 2;
         }
+        is_better
     }
 }

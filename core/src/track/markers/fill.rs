@@ -13,7 +13,7 @@ use crate::math::{Quat4, affine, inverse_sqrt, quaternion_product};
 
 /// Steps from the last rotation, and from one built from three neighbours.
 const WARM: usize = 2;
-const COLD: usize = 4;
+const COLD: usize = 6;
 
 /// Most by which departures move a marker, metres.
 const FARTHEST: f32 = 0.1;
@@ -32,6 +32,8 @@ pub(super) struct Expectation {
     pub share: f32,
     /// Mean variance of the neighbours themselves, square metres.
     pub inherited: f32,
+    /// Variance because rigid neighbours are not measured, square metres.
+    pub loose: f32,
 }
 
 impl Expectation {
@@ -49,36 +51,64 @@ pub(super) const fn work(neighbours: usize) -> u32 {
     8 + 8 * neighbours as u32
 }
 
-/// Where a marker's placed neighbours expect it; `None` without any.
+impl Model<'_> {
+    /// Where a marker's neighbours alone expect it, metres; `None` where they are fewer than three
+    /// or on a line. `place`: of a marker that is measured.
+    ///
+    /// Linear in the neighbours.
+    pub fn expect(
+        &self,
+        marker: usize,
+        place: impl Fn(usize) -> Option<[f32; 3]>,
+    ) -> Option<[f32; 3]> {
+        let place = |index| Some((Vec3::from_array(place(index)?), 0.0));
+        let found = expect(self, place, marker, None)?;
+        Some(found.to_world(found.local).to_array())
+    }
+}
+
+/// Where a marker is and how sure, as its neighbours need it; `None` where it has no place.
+pub(super) fn placed(traces: &[Trace]) -> impl Fn(usize) -> Option<(Vec3, f32)> {
+    |index| {
+        let trace = traces.get(index).filter(|trace| trace.is_placed)?;
+        Some((trace.position, trace.sigma))
+    }
+}
+
+/// Where a marker's neighbours expect it; `None` without any. `place`: position and standard
+/// deviation of a marker; `turn`: the frame's last rotation, if known.
 pub(super) fn expect(
     model: &Model<'_>,
-    traces: &[Trace],
+    place: impl Fn(usize) -> Option<(Vec3, f32)>,
     marker: usize,
-    turn: Quat4,
-    is_turned: bool,
+    turn: Option<Quat4>,
 ) -> Option<Expectation> {
-    let trust = |index: usize, full: f32| -> Option<(Vec3, f32)> {
-        let trace = traces.get(index).filter(|trace| trace.is_placed)?;
-        let variance = trace.sigma * trace.sigma;
+    let trust = |index: usize, full: f32| -> Option<(Vec3, f32, f32)> {
+        let (position, sigma) = place(index)?;
+        let variance = sigma * sigma;
         let weight = if variance > 0.0 {
             full / (1.0 + full * variance)
         } else {
             full
         };
-        Some((trace.position, weight))
+        Some((position, weight, variance))
     };
     let (mut total, mut full, mut inherited) = (0.0, 0.0, 0.0);
     let (mut centre, mut middle) = (Vec3::ZERO, Vec3::ZERO);
+    let (mut tight, mut tightest) = (Three([UNKNOWN; 3]), Three([UNKNOWN; 3]));
     for (index, link) in model.links(marker) {
         full += link.weight();
-        let Some((position, weight)) = trust(index, link.weight()) else {
+        tightest.insert(link.spread());
+        let Some((position, weight, variance)) = trust(index, link.weight()) else {
             continue;
         };
         total += weight;
         centre += position * weight;
         middle += link.shape() * weight;
-        let sigma = traces.get(index).map_or(0.0, |trace| trace.sigma);
-        inherited += weight * sigma * sigma;
+        inherited += link.weight() * variance;
+        if variance == 0.0 {
+            tight.insert(link.spread());
+        }
     }
     if total <= 0.0 {
         return None;
@@ -90,7 +120,7 @@ pub(super) fn expect(
     let (mut bx, mut by, mut bz) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
     let (mut squares, mut mixed) = (Vec3::ZERO, Vec3::ZERO);
     for (index, link) in model.links(marker) {
-        let Some((position, weight)) = trust(index, link.weight()) else {
+        let Some((position, weight, _)) = trust(index, link.weight()) else {
             continue;
         };
         let local = link.shape() - middle;
@@ -104,10 +134,9 @@ pub(super) fn expect(
     }
     let cross = Mat3::from_cols(bx, by, bz);
     let scatter = Scatter { squares, mixed };
-    let (turn, steps) = if is_turned {
-        (turn, WARM)
-    } else {
-        (start(model, traces, marker)?, COLD)
+    let (turn, steps) = match turn {
+        Some(turn) => (turn, WARM),
+        None => (start(model, &place, marker)?, COLD),
     };
     let turn = refine(turn, &cross, &scatter, steps);
     let rotation = matrix(turn);
@@ -115,7 +144,7 @@ pub(super) fn expect(
     let mut local = model.marker(marker).home;
     let mut moved = Vec3::ZERO;
     for (index, link) in model.links(marker) {
-        let Some((position, weight)) = trust(index, link.weight()) else {
+        let Some((position, weight, _)) = trust(index, link.weight()) else {
             continue;
         };
         let departure = back * (position - centre) + middle - link.shape();
@@ -137,8 +166,26 @@ pub(super) fn expect(
         middle,
         local,
         share: total / full,
-        inherited: inherited * per_weight,
+        inherited: inherited / full,
+        loose: tight.0[2] * tight.0[2] - tightest.0[2] * tightest.0[2],
     })
+}
+
+/// Spread of a distance that is not there, metres.
+const UNKNOWN: f32 = 0.06;
+
+/// The smallest three, ascending: so many distances fix a place.
+struct Three([f32; 3]);
+
+impl Three {
+    #[inline]
+    fn insert(&mut self, mut carried: f32) {
+        for slot in &mut self.0 {
+            if carried < *slot {
+                core::mem::swap(slot, &mut carried);
+            }
+        }
+    }
 }
 
 /// Symmetric 3 x 3: xx, yy, zz and xy, yz, zx.
@@ -207,10 +254,14 @@ fn refine(mut turn: Quat4, cross: &Mat3, scatter: &Scatter, steps: usize) -> Qua
 
 /// A rotation from the first three placed neighbours that are not on a line: both triangles get
 /// a frame (first edge, normal), and one is carried to the other.
-fn start(model: &Model<'_>, traces: &[Trace], marker: usize) -> Option<Quat4> {
+fn start(
+    model: &Model<'_>,
+    place: impl Fn(usize) -> Option<(Vec3, f32)>,
+    marker: usize,
+) -> Option<Quat4> {
     let mut placed = model.links(marker).filter_map(|(index, link)| {
-        let trace = traces.get(index).filter(|trace| trace.is_placed)?;
-        Some((trace.position, link.shape()))
+        let (position, _) = place(index)?;
+        Some((position, link.shape()))
     });
     let (p0, s0) = placed.next()?;
     let (p1, s1) = placed.next()?;

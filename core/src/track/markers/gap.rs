@@ -1,6 +1,6 @@
 //! Missing markers: filled by their neighbours, and by their own past for the first frames.
 
-use super::fill::{self, expect};
+use super::fill::{self, expect, placed};
 use super::pace::square;
 use super::state::Trace;
 use super::{Frame, NONE};
@@ -51,13 +51,19 @@ impl Frame<'_, '_> {
             return;
         }
         self.points.work += fill::work(self.model.dims().neighbour_count);
-        let found = expect(self.model, self.traces, marker, trace.turn, trace.is_turned);
+        let found = expect(self.model, placed(self.traces), marker, trace.turn());
         let Some(found) = found else {
             self.coast(marker);
             return;
         };
         let own = self.model.marker(marker);
-        let spread = square(own.sigma) / found.share.max(LEAST_SHARE);
+        // Before it was first seen, a narrow gate keeps it from taking another's point.
+        let loose = if trace.streak.max(trace.streak_before) > 0 {
+            found.loose.max(0.0)
+        } else {
+            0.0
+        };
+        let spread = square(own.sigma) / found.share.max(LEAST_SHARE) + loose;
         let floor = found.inherited + square(self.config.noise);
         let Some(trace) = self.traces.get_mut(marker) else {
             return;

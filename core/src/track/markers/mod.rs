@@ -267,10 +267,10 @@ impl Frame<'_, '_> {
         if self.course.is_tracking {
             self.associate_seen();
             self.fill_missing();
-            self.associate_missing();
+            self.associate_filled();
             self.audit();
             let budget = self.points.work.saturating_add(self.config.search);
-            self.seek(budget);
+            self.seek(budget, true, 0);
             self.judge();
         } else if self.points.len() >= 4 {
             let budget = self.points.work.saturating_add(self.config.search);
@@ -287,7 +287,6 @@ impl Frame<'_, '_> {
             *trace = Trace {
                 position: trace.position,
                 bias: trace.bias,
-                is_biased: trace.is_biased,
                 gap: trace.gap,
                 ..Trace::EMPTY
             };
@@ -357,7 +356,7 @@ impl Frame<'_, '_> {
             .count();
         let seen = self.points.len();
         let possible = markers.min(seen);
-        if 3 * measured >= 2 * possible {
+        if 2 * measured >= possible {
             self.course.poor = 0;
         } else {
             self.course.poor = self.course.poor.saturating_add(1);

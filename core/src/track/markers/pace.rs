@@ -60,7 +60,9 @@ pub(super) struct Pace {
     /// Frames of patience with a poor frame, and with none at all.
     pub patience: u16,
     pub blank: u16,
-    /// Marker that are compared with their neighbours in a frame.
+    /// Frames after which a fill may have gone astray.
+    pub old: u16,
+    /// Markers that are compared with their neighbours in a frame.
     pub reviews: usize,
 }
 
@@ -92,6 +94,7 @@ impl Pace {
             bias: REVIEW as f32 * share(1.0),
             patience: ((0.1 * rate) as u16).max(3),
             blank: ((0.12 * rate) as u16).max(2),
+            old: ((0.25 * rate) as u16).max(4),
             reviews: markers.div_ceil(REVIEW),
         }
     }

@@ -7,14 +7,14 @@ use glam::Vec3;
 
 use super::Frame;
 use super::associate::contradiction;
-use super::fill::{self, expect};
+use super::fill::{self, expect, placed};
 use super::pace::square;
 use super::state::NONE;
 
 /// Markers that make a find believable, where there are so many points.
 const ENOUGH: usize = 8;
 /// Markers that are compared with their fill before a find is believed.
-const WITNESSES: usize = 16;
+pub(super) const WITNESSES: usize = 16;
 
 /// What a search came to.
 enum Search {
@@ -73,9 +73,10 @@ impl Frame<'_, '_> {
             [ad, bd, cd, 0.0],
         ];
         let all = markers.map(usize::from);
+        // What little speaks for may have to give way.
         let points = all.map(|marker| {
-            let point = self.trace(marker).point;
-            (point != NONE).then_some(usize::from(point))
+            let trace = self.trace(marker);
+            (trace.is_measured() && !trace.is_weak).then_some(usize::from(trace.point))
         });
         let mut places = [0; 4];
         let mut next = 0;
@@ -146,16 +147,27 @@ impl Frame<'_, '_> {
                 continue;
             };
             let known = seed.fixed.iter().flatten().count();
+            let open = |marker: &usize| {
+                let trace = self.trace(*marker);
+                trace.is_weak || self.is_lost(&trace)
+            };
             let lost = |marker: &usize| self.is_lost(&self.trace(*marker));
             let missing = seed.markers.iter().skip(known);
-            if known < found || known == 4 || !missing.clone().all(lost) {
+            if known < found || !missing.clone().all(open) || !missing.clone().any(lost) {
                 continue;
             }
             let all = 0..self.points.len();
             if let Search::One(points) = self.search(&seed, all, budget, true)
                 && self.fits(&seed, points, known)
             {
+                for &marker in seed.markers.iter().skip(known) {
+                    self.drop_point(marker);
+                }
                 for (&marker, point) in seed.markers.iter().zip(points).skip(known) {
+                    let owner = usize::from(self.points.at(point).owner);
+                    if owner < self.traces.len() {
+                        self.lose(owner);
+                    }
                     self.begin(marker, point);
                 }
                 any = true;
@@ -164,14 +176,20 @@ impl Frame<'_, '_> {
         any
     }
 
-    /// Whether the found neighbours of the new ones agree.
+    /// Whether the found neighbours of the new ones agree. Where neither a found marker of the seed
+    /// nor handedness tells left from right, there must be some.
     fn fits(&self, seed: &Seed, points: [usize; 4], known: usize) -> bool {
-        let new = seed.markers.iter().zip(points).skip(known);
-        new.into_iter().all(|(&marker, point)| {
+        let mut asked = 0;
+        for (&marker, point) in seed.markers.iter().zip(points).skip(known) {
             let position = self.points.at(point).position;
-            let (against, count) = contradiction(self.model, self.traces, marker, position, NONE);
-            against <= 4.0 * count as f32
-        })
+            let (against, count) =
+                contradiction(self.model, self.traces, marker, position, NONE);
+            if against > 4.0 * count as f32 {
+                return false;
+            }
+            asked += count;
+        }
+        known >= 2 || seed.volume != 0.0 || asked >= 4
     }
 
     /// Points that match a seed. `firsts`: those for its first marker, where that is not found.
@@ -190,7 +208,10 @@ impl Frame<'_, '_> {
             _,
         ] = seed.rings;
         let free = |frame: &Self, level: usize, at: usize| {
-            seed.fixed[level & 3].is_some() || frame.points.at(at).owner == NONE
+            let owner = frame.points.at(at).owner;
+            seed.fixed[level & 3].is_some()
+                || owner == NONE
+                || frame.trace(usize::from(owner)).is_weak
         };
         let range =
             |frame: &Self, level: usize, centre: Vec3, ring: &Ring| match seed.fixed[level & 3] {
@@ -233,9 +254,9 @@ impl Frame<'_, '_> {
                             found = Search::One(points);
                         }
                     }
-                }
-                if self.points.work >= budget {
-                    return Search::Unfinished;
+                    if self.points.work >= budget {
+                        return Search::Unfinished;
+                    }
                 }
             }
         }
@@ -260,15 +281,17 @@ impl Frame<'_, '_> {
         for (&marker, point) in seed.markers.iter().zip(points) {
             self.begin(marker, point);
         }
-        self.seek(budget.saturating_add(self.config.search / 2));
-        let measured = self
-            .traces
-            .iter()
-            .filter(|trace| trace.is_measured())
-            .count();
+        // Only what the four lead to: a group turned over leads nowhere.
         let possible = self.points.len().min(self.traces.len());
-        if measured >= (possible / 2).clamp(4, ENOUGH) && self.witness() {
-            return true;
+        let enough = (possible / 2).clamp(4, ENOUGH);
+        let reserve = self.config.search / 2;
+        self.seek(budget.saturating_add(reserve), false, enough);
+        if self.measured() >= enough || seed.volume != 0.0 {
+            self.seek(budget.saturating_add(reserve), true, 0);
+            let measured = self.measured();
+            if (2 * measured >= possible || measured >= enough) && self.witness() {
+                return true;
+            }
         }
         for point in self.points.all_mut() {
             point.owner = NONE;
@@ -290,7 +313,7 @@ impl Frame<'_, '_> {
                 continue;
             }
             self.points.work += fill::work(self.model.dims().neighbour_count);
-            let found = expect(self.model, self.traces, marker, trace.turn, false);
+            let found = expect(self.model, placed(self.traces), marker, None);
             let Some(found) = found.filter(|found| found.share > 0.4) else {
                 continue;
             };

@@ -5,27 +5,32 @@
 //! ambiguous waits.
 
 use super::Frame;
-use super::associate::deviation;
+use super::associate::{deviation, evidence};
 use super::state::{NONE, Proposal, Trace};
 
 /// Rounds in a frame.
 const ROUNDS: usize = 32;
 /// Square deviation that a distance may have on average.
 const FIT: f32 = 4.0;
-/// Product of the three best ratios of distance to spread among the found neighbours: in how many
-/// places the marker might be, inversely. The second figure is for when nothing surer is left.
-const EVIDENCE: [f32; 2] = [3000.0, 800.0];
+/// Evidence needed. The second figure is for when nothing surer is left.
+const EVIDENCE: [f32; 2] = [4000.0, 500.0];
 /// A second choice must cost this much more.
 const CLEAR: [f32; 2] = [9.0, 4.0];
 
 impl Frame<'_, '_> {
+    /// Whether a marker may be anywhere: its fill is bad, was never confirmed, or is old.
     pub(super) fn is_lost(&self, trace: &Trace) -> bool {
-        !trace.is_measured() && !(trace.is_placed && trace.sigma <= self.config.limit)
+        let is_believed = trace.is_placed
+            && trace.sigma <= self.config.limit
+            && trace.streak_before > 0
+            && trace.gap < self.pace.old;
+        !trace.is_measured() && !is_believed
     }
 
     /// Looks for lost markers among the free points until a round finds none or the frame's work
-    /// reaches `budget`.
-    pub(super) fn seek(&mut self, budget: u32) {
+    /// reaches `budget`. `anywhere`: also groups that nothing found leads to, else until `enough`
+    /// markers are found.
+    pub(super) fn seek(&mut self, budget: u32, anywhere: bool, enough: usize) {
         let lost = |trace: &Trace| self.is_lost(trace);
         if !self.traces.iter().any(lost) || self.points.all_mut().iter().all(|p| p.owner != NONE) {
             return;
@@ -35,16 +40,23 @@ impl Frame<'_, '_> {
             if self.points.work >= budget {
                 return;
             }
+            if !anywhere && self.measured() >= enough {
+                return;
+            }
             // The surest way first; back to it after every find.
             let found = match step {
                 0 => self.complete(2, budget),
-                1 => self.propose(budget, 0),
-                2 => self.complete(0, budget),
+                1 => anywhere && self.complete(0, budget),
+                2 => self.propose(budget, 0),
                 3 => self.propose(budget, 1),
                 _ => return,
             };
             step = if found { 0 } else { step + 1 };
         }
+    }
+
+    pub(super) fn measured(&self) -> usize {
+        self.traces.iter().filter(|trace| trace.is_measured()).count()
     }
 
     /// A marker found anew: where it was thought to be says nothing.
@@ -71,22 +83,11 @@ impl Frame<'_, '_> {
             if self.points.work >= budget {
                 break;
             }
-            let found = |(index, _): &(usize, _)| self.trace(*index).is_measured();
-            let mut evidence = [0.0_f32; 3];
-            let mut count = 0;
-            for (_, link) in self.model.links(marker).filter(found) {
-                count += 1;
-                let mut carried = link.distance() / link.spread();
-                for best in &mut evidence {
-                    if carried > *best {
-                        core::mem::swap(best, &mut carried);
-                    }
-                }
-            }
-            let evidence = evidence[0] * evidence[1] * evidence[2];
-            if evidence < EVIDENCE[late & 1] {
+            if evidence(self.model, self.traces, marker) < EVIDENCE[late & 1] {
                 continue;
             }
+            let found = |(index, _): &(usize, _)| self.trace(*index).is_measured();
+            let count = self.model.links(marker).filter(found).count();
             let Some((anchor, link)) = self.model.links(marker).find(found) else {
                 continue;
             };

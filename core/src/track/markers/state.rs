@@ -78,12 +78,12 @@ pub struct Trace {
     pub(super) streak_before: u16,
     /// Frames in a row in which its neighbours contradicted it.
     pub(super) doubt: u8,
+    /// Whether few distances speak for its label.
+    pub(super) is_weak: bool,
     /// Whether `position` says anything.
     pub(super) is_placed: bool,
     /// Whether `turn` says anything.
     pub(super) is_turned: bool,
-    /// Whether `bias` was learned.
-    pub(super) is_biased: bool,
 }
 
 impl Trace {
@@ -108,10 +108,15 @@ impl Trace {
         streak: 0,
         streak_before: 0,
         doubt: 0,
+        is_weak: false,
         is_placed: false,
         is_turned: false,
-        is_biased: false,
     };
+
+    /// The local frame's last rotation, if known.
+    pub(super) fn turn(&self) -> Option<Quat4> {
+        self.is_turned.then_some(self.turn)
+    }
 
     pub(super) fn is_measured(&self) -> bool {
         self.point != NONE

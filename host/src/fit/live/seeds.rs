@@ -25,12 +25,11 @@ const SHORT: f64 = 0.03;
 /// Distances are looked for within this many deviations and metres more, but no further than the
 /// third figure.
 const DEVIATIONS: f64 = 3.5;
-const SLACK: f64 = 0.003;
+const SLACK: f64 = 0.0025;
 const WIDEST: f64 = 0.025;
-/// Frames in which a seed must match nothing but itself, and by how much its tolerance is then
-/// widened.
-const TRIALS: usize = 12;
-const MARGIN: f64 = 1.3;
+/// Frames in which wrong matches are counted, and what they weigh.
+const TRIALS: usize = 8;
+const LIKENESS: f64 = 4.0;
 /// Seeds in which one marker may stand.
 const USES: usize = 4;
 /// Frames looked at for handedness.
@@ -51,28 +50,28 @@ pub(super) fn choose(view: &View<'_>, pairs: &Pairs, count: usize) -> Vec<Seed> 
             }
         }
         own.sort_by(|x, y| x.score.total_cmp(&y.score));
-        own.truncate(6);
+        own.truncate(12);
         candidates.extend(own);
     }
+    let trials = trials(view);
     for seed in &mut candidates {
         seed.set_handedness(view);
     }
     candidates.sort_by(|x, y| x.score.total_cmp(&y.score).then(x.markers.cmp(&y.markers)));
-    let trials = trials(view);
+    candidates.dedup_by(|x, y| sorted(x.markers) == sorted(y.markers));
+    candidates.truncate(8 * count);
+    for seed in &mut candidates {
+        let wrong: usize = trials.iter().map(|points| seed.wrong_matches(points)).sum();
+        seed.score += LIKENESS * (1.0 + wrong as f64 / trials.len().max(1) as f64).ln();
+    }
+    candidates.sort_by(|x, y| x.score.total_cmp(&y.score).then(x.markers.cmp(&y.markers)));
     let mut uses = vec![0; view.marker_count()];
     let mut chosen: Vec<Seed> = Vec::new();
     for seed in candidates {
-        let mut sorted = seed.markers;
-        sorted.sort_unstable();
-        let is_known = |other: &Seed| {
-            let mut other = other.markers;
-            other.sort_unstable();
-            other == sorted
-        };
+        let is_known = |other: &Seed| sorted(other.markers) == sorted(seed.markers);
         if chosen.len() < count
             && seed.markers.iter().all(|&marker| uses[marker] < USES)
             && !chosen.iter().any(is_known)
-            && trials.iter().all(|points| seed.is_alone(points))
         {
             for marker in seed.markers {
                 uses[marker] += 1;
@@ -81,6 +80,11 @@ pub(super) fn choose(view: &View<'_>, pairs: &Pairs, count: usize) -> Vec<Seed> 
         }
     }
     chosen
+}
+
+fn sorted(mut markers: [usize; 4]) -> [usize; 4] {
+    markers.sort_unstable();
+    markers
 }
 
 /// Markers and their places in frames that show many, spread over the take.
@@ -127,12 +131,13 @@ fn candidate(pairs: &Pairs, markers: [usize; 4]) -> Option<Seed> {
 }
 
 impl Seed {
-    /// Whether no four points but its own match it: no other group, and not itself turned over.
-    fn is_alone(&self, points: &[(usize, DVec3)]) -> bool {
+    /// How many other fours match it: another group, or itself turned over.
+    fn wrong_matches(&self, points: &[(usize, DVec3)]) -> usize {
         let [ab, ac, bc, ad, bd, cd, tolerance, volume] = self.numbers.map(f64::from);
         let holds = |a: DVec3, b: DVec3, distance: f64| {
-            (a.distance(b) - distance).abs() <= MARGIN * tolerance
+            (a.distance(b) - distance).abs() <= tolerance
         };
+        let mut count = 0;
         for &(a, pa) in points {
             for &(b, pb) in points.iter().filter(|(_, p)| holds(pa, *p, ab)) {
                 for &(c, pc) in points.iter().filter(|(_, p)| holds(pa, *p, ac)) {
@@ -148,13 +153,13 @@ impl Seed {
                             && a != b
                             && [a, b, c, d] != self.markers
                         {
-                            return false;
+                            count += 1;
                         }
                     }
                 }
             }
         }
-        true
+        count
     }
 
     /// The mean signed volume where it keeps its sign, else 0.
