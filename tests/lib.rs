@@ -7,6 +7,7 @@
 pub mod body;
 pub mod budgets;
 pub mod cases;
+pub mod dense;
 pub mod gltf_oracle;
 pub mod human;
 pub mod laplacian;

@@ -6,9 +6,20 @@ use std::{env, fs};
 
 fn main() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    println!("cargo:rustc-link-search={}", root.display());
+    // The memory map of the board.
+    let board = match env::var("TARGET")
+        .unwrap_or_default()
+        .starts_with("thumbv8m")
+    {
+        true => Path::new(env!("CARGO_MANIFEST_DIR")).join("an505"),
+        false => root.clone(),
+    };
+    println!("cargo:rustc-link-search={}", board.display());
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
-    println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
+    println!(
+        "cargo:rerun-if-changed={}",
+        board.join("memory.x").display()
+    );
 
     println!("cargo:rerun-if-env-changed=SINEW_ASSET");
     let asset = match env::var_os("SINEW_ASSET") {
@@ -26,6 +37,10 @@ fn main() {
     let out = env::var_os("OUT_DIR").expect("cargo sets it");
     let text = format!("pub use sinew_stages::{stage}::run;\n");
     fs::write(Path::new(&out).join("stage.rs"), text).expect("the build folder takes files");
+
+    println!("cargo:rerun-if-env-changed=SINEW_PICTURE");
+    let picture = env::var("SINEW_PICTURE").unwrap_or("frame.png".into());
+    println!("cargo:rustc-env=SINEW_PICTURE={picture}");
 
     println!("cargo:rustc-env=SINEW_COMPILER={}", compiler());
 }

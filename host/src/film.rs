@@ -11,6 +11,8 @@ use crate::export::png::{contact_sheet, write_png};
 use crate::export::render::{Bounds, Camera, Colors, Image, Mesh, Quality, Rgb, Scene, render};
 use crate::play::{Motion, Player, frame_times};
 
+pub mod skeleton;
+
 /// How to film.
 #[derive(Clone, Copy, Debug)]
 pub struct Shot {

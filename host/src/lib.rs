@@ -7,6 +7,7 @@
 //! | [`import`] | files | `Raw…` values, as the file states them |
 //! | [`model`] | `Raw…` values | validated meshes, skeletons, skins and clips |
 //! | [`take`] | `Raw…` values | validated marker captures |
+//! | [`spatial`] | triangles | nearest points, first hits of rays |
 //! | [`clean`] | a marker capture | the same, merged, filled and smoothed |
 //! | [`fit`] | a motion and a body | a clip that moves the body |
 //! | [`bake`] | a validated body | the asset |
@@ -31,6 +32,7 @@ pub mod label;
 pub mod model;
 pub mod play;
 pub mod reference;
+pub mod spatial;
 pub mod studio;
 pub mod take;
 pub mod verify;

@@ -1,7 +1,8 @@
 //! Compares what the firmware in `examples/cortex-m` printed with what is committed.
 //!
-//! `budgets CASE REPORT FRAME_ONLY [--check | --update]`: the case's key in `tests/budgets.toml`, the
-//! file with the output of the firmware `stage`, and the firmware `frame_only`.
+//! `budgets BOARD CASE REPORT FRAME_ONLY [--check | --update]`: the board and the case's key in
+//! `tests/budgets.toml`, the file with the output of the firmware `stage`, and the firmware
+//! `frame_only`.
 
 use std::fmt::Write;
 use std::process::ExitCode;
@@ -13,12 +14,12 @@ use sinew_tests::root;
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let (paths, mode) = match &arguments[..] {
-        [asset, report, firmware] => ([asset, report, firmware], ""),
-        [asset, report, firmware, mode] if mode == "--check" || mode == "--update" => {
-            ([asset, report, firmware], mode.as_str())
+        [board, case, report, firmware] => ([board, case, report, firmware], ""),
+        [board, case, report, firmware, mode] if mode == "--check" || mode == "--update" => {
+            ([board, case, report, firmware], mode.as_str())
         }
         _ => {
-            eprintln!("usage: budgets CASE REPORT FRAME_ONLY [--check | --update]");
+            eprintln!("usage: budgets BOARD CASE REPORT FRAME_ONLY [--check | --update]");
             return ExitCode::from(2);
         }
     };
@@ -37,12 +38,13 @@ fn main() -> ExitCode {
 }
 
 /// Prints the comparison and returns what is wrong.
-fn run([asset, report, firmware]: [&String; 3], mode: &str) -> Result<Vec<String>, String> {
+fn run([board, case, report, firmware]: [&String; 4], mode: &str) -> Result<Vec<String>, String> {
     let read = |path: &str| fs::read(path).map_err(|error| format!("{path}: {error}"));
     let parse = |path: &str| -> Result<toml::Table, String> {
         let text = String::from_utf8_lossy(&read(path)?).into_owned();
         text.parse().map_err(|error| format!("{path}: {error}"))
     };
+    let key = &format!("{board}.{case}");
     let mut measured = Report::from_table(&parse(report)?);
     let image = Image::read(&read(firmware)?).map_err(|error| format!("{firmware}: {error}"))?;
     let asset_bytes = measured.numbers.get("bytes_asset").copied();
@@ -56,8 +58,8 @@ fn run([asset, report, firmware]: [&String; 3], mode: &str) -> Result<Vec<String
         .collect();
     let hashes = root().join("tests/golden/fingerprints.toml");
     let hashes = String::from_utf8_lossy(&read(&hashes.to_string_lossy())?).into_owned();
-    match Fingerprints::of(&hashes, asset) {
-        None => println!("{asset}: no hash is committed in tests/golden/fingerprints.toml"),
+    match Fingerprints::of(&hashes, case) {
+        None => println!("{key}: no hash is committed in tests/golden/fingerprints.toml"),
         Some(hash) if hash.asset != measured.asset => faults.push(format!(
             "the asset has CRC-32 {}, the committed hash belongs to {}",
             measured.asset, hash.asset
@@ -66,18 +68,18 @@ fn run([asset, report, firmware]: [&String; 3], mode: &str) -> Result<Vec<String
             "the frames hash to {}, on a desktop to {}",
             measured.frames, hash.frames
         )),
-        Some(hash) => println!("{asset}: hash {} as on a desktop", hash.frames),
+        Some(hash) => println!("{key}: hash {} as on a desktop", hash.frames),
     }
 
     let path = root().join("tests/budgets.toml").display().to_string();
     let budgets = parse(&path).unwrap_or_default();
     if mode == "--update" {
-        fs::write(&path, updated(&budgets, asset, &measured)).map_err(|error| error.to_string())?;
-        println!("{asset}: written to tests/budgets.toml");
+        fs::write(&path, updated(&budgets, key, &measured)).map_err(|error| error.to_string())?;
+        println!("{key}: written to tests/budgets.toml");
         return Ok(faults);
     }
-    let Some(budget) = nested(&budgets, asset) else {
-        println!("{asset}: no budget is committed in tests/budgets.toml");
+    let Some(budget) = nested(&budgets, key) else {
+        println!("{key}: no budget is committed in tests/budgets.toml");
         return Ok(faults);
     };
     let budget = Report::from_table(budget);
@@ -88,7 +90,7 @@ fn run([asset, report, firmware]: [&String; 3], mode: &str) -> Result<Vec<String
         );
     }
     let rows = compare(&budget, &measured);
-    print!("{}", table(asset, &rows));
+    print!("{}", table(key, &rows));
     if mode == "--check" {
         let bad = rows.iter().filter(|row| row.fails());
         faults.extend(bad.map(|row| {
@@ -99,8 +101,8 @@ fn run([asset, report, firmware]: [&String; 3], mode: &str) -> Result<Vec<String
     Ok(faults)
 }
 
-fn table(asset: &str, rows: &[Row]) -> String {
-    let mut text = format!("{asset:<22} {:>11} {:>11}  change\n", "measured", "budget");
+fn table(key: &str, rows: &[Row]) -> String {
+    let mut text = format!("{key:<26} {:>11} {:>11}  change\n", "measured", "budget");
     for row in rows {
         let number = |n: Option<u64>| n.map_or("-".into(), |n| n.to_string());
         let change = match (row.measured, row.budget) {
@@ -116,7 +118,7 @@ fn table(asset: &str, rows: &[Row]) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "{:<22} {:>11} {:>11}  {change:>8} {verdict}",
+            "{:<26} {:>11} {:>11}  {change:>8} {verdict}",
             row.name,
             number(row.measured),
             number(row.budget)
@@ -126,26 +128,32 @@ fn table(asset: &str, rows: &[Row]) -> String {
 }
 
 /// The file with one case's table replaced.
-fn updated(budgets: &toml::Table, asset: &str, measured: &Report) -> String {
+fn updated(budgets: &toml::Table, key: &str, measured: &Report) -> String {
     let mut tables: Vec<(String, String)> = budgets
         .iter()
-        .filter_map(|(stage, assets)| Some((stage, assets.as_table()?)))
-        .flat_map(|(stage, assets)| {
-            let assets = assets.iter();
-            assets.map(move |(asset, table)| (format!("{stage}.{asset}"), table))
-        })
-        .filter(|(key, _)| key != asset)
+        .flat_map(|(board, stages)| deeper(board, stages))
+        .flat_map(|(stage, assets)| deeper(&stage, assets))
+        .filter(|(other, _)| other != key)
         .filter_map(|(key, table)| Some((key, Report::from_table(table.as_table()?))))
         .map(|(key, report)| (key.clone(), report.to_table(&key)))
         .collect();
-    tables.push((asset.to_owned(), measured.to_table(asset)));
+    tables.push((key.to_owned(), measured.to_table(key)));
     tables.sort();
     let tables: Vec<_> = tables.into_iter().map(|(_, table)| table).collect();
     format!("{HEAD}\n{}", tables.join("\n"))
 }
 
+/// The tables in a table, their names after its own.
+fn deeper<'t>(name: &str, table: &'t toml::Value) -> Vec<(String, &'t toml::Value)> {
+    let inner = table.as_table().into_iter().flatten();
+    inner
+        .map(|(inner, table)| (format!("{name}.{inner}"), table))
+        .collect()
+}
+
 const HEAD: &str = "\
-# What a frame costs on a Cortex-M7 (QEMU's mps2-an500): instructions (icount_), and bytes of flash,
-# RAM, stack and of types. `examples/cortex-m/run.sh --check` fails above +2 %; where another
-# compiler is in use, above +15 %. `--update` writes this file.
+# What stages cost on a Cortex-M4F, M7 and M33 (QEMU's mps2-an386, -an500, -an505): instructions
+# (icount_), and bytes of flash, RAM, stack and of types, by board, stage and asset.
+# `examples/cortex-m/run.sh --check` fails above +2 %; where another compiler is in use, above
+# +15 %. `--update` writes this file.
 ";

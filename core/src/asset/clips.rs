@@ -1,5 +1,6 @@
 //! Motion: clips of tracks of keys.
 
+use super::packed::Packed;
 use super::{Asset, slice};
 
 /// A piece of motion.
@@ -14,6 +15,7 @@ pub struct Clip<'a> {
     tracks: &'a [[u32; 4]],
     key_times: &'a [f32],
     key_values: &'a [f32],
+    pub(super) packed: Packed<'a>,
 }
 
 /// What part of a joint a track moves.
@@ -105,7 +107,16 @@ impl<'a> Asset<'a> {
     /// A clip; `None` for one that does not exist.
     #[must_use]
     pub fn clip(&self, index: usize) -> Option<Clip<'a>> {
-        let &[name, name_bytes, first, count, duration, period, _, _] = self.clips.get(index)?;
+        let &[
+            name,
+            name_bytes,
+            first,
+            count,
+            duration,
+            period,
+            packed_first,
+            packed_count,
+        ] = self.clips.get(index)?;
         Some(Clip {
             name: self.name(name, name_bytes),
             duration: f32::from_bits(duration),
@@ -113,6 +124,7 @@ impl<'a> Asset<'a> {
             tracks: slice(self.tracks, first, count),
             key_times: self.key_times,
             key_values: self.key_values,
+            packed: self.packed_of(packed_first, packed_count),
         })
     }
 }

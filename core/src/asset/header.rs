@@ -1,6 +1,6 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
-use super::MarkerDims;
+use super::{MarkerDims, PackedDims};
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
@@ -90,6 +90,8 @@ pub struct Dims {
     pub name_bytes: usize,
     /// The marker set; zeros without.
     pub markers: MarkerDims,
+    /// Compressed tracks.
+    pub packed: PackedDims,
 }
 
 impl Dims {
@@ -149,6 +151,7 @@ impl Dims {
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
             markers: MarkerDims::read(bytes),
+            packed: PackedDims::read(bytes),
         }
     }
 
@@ -185,6 +188,12 @@ impl Dims {
             at += 1;
         }
         self.markers.write(&mut words);
+        let packed = self.packed.to_words();
+        let mut at = 0;
+        while at < packed.len() {
+            words[PackedDims::WORD + at] = packed[at];
+            at += 1;
+        }
         words
     }
 }

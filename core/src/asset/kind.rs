@@ -53,6 +53,12 @@ pub enum SectionKind {
     KeyTimes = u32::from_le_bytes(*b"KTIM"),
     /// `f32 [values]`: key values.
     KeyValues = u32::from_le_bytes(*b"KVAL"),
+    /// `u32 [packed tracks x 4]`: joint and channel; first frame; keys; first value.
+    PackedTracks = u32::from_le_bytes(*b"KPTK"),
+    /// `u16 [frames]`: frames of the keys of packed tracks.
+    PackedFrames = u32::from_le_bytes(*b"KPFR"),
+    /// `u16 [values]`: ranges and keys of packed tracks.
+    PackedValues = u32::from_le_bytes(*b"KPVL"),
     /// `u32 [joints x 2]`: offset and bytes of each joint's name.
     JointNames = u32::from_le_bytes(*b"JNAM"),
     /// `f32 [markers x 8]`: home, deviation, memory, zeros, see [`super::MarkerTables`].
@@ -75,7 +81,7 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 32] = [
+    pub const ALL: [Self; 35] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -99,6 +105,9 @@ impl SectionKind {
         Self::Tracks,
         Self::KeyTimes,
         Self::KeyValues,
+        Self::PackedTracks,
+        Self::PackedFrames,
+        Self::PackedValues,
         Self::JointNames,
         Self::Markers,
         Self::MarkerNeighbours,
@@ -143,6 +152,9 @@ impl SectionKind {
             Self::Tracks => dims.track_count.checked_mul(16),
             Self::KeyTimes => dims.key_time_count.checked_mul(4),
             Self::KeyValues => dims.key_value_count.checked_mul(4),
+            Self::PackedTracks => dims.packed.track_count.checked_mul(16),
+            Self::PackedFrames => dims.packed.frame_count.checked_mul(2),
+            Self::PackedValues => dims.packed.value_count.checked_mul(2),
             Self::JointNames => dims.joint_count.checked_mul(8),
             Self::Markers => dims.markers.marker_count.checked_mul(4 * MARKER_NUMBERS),
             Self::MarkerNeighbours => dims.markers.link_count(2),

@@ -58,6 +58,18 @@ impl<'a> Triangles<'a> {
         self.len() == 0
     }
 
+    /// Corners of a triangle; `None` for one that does not exist.
+    #[must_use]
+    pub fn get(&self, triangle: usize) -> Option<[u32; 3]> {
+        match self {
+            Self::U16(indices) => {
+                let corners = indices.as_chunks::<3>().0.get(triangle)?;
+                Some(corners.map(u32::from))
+            }
+            Self::U32(indices) => indices.as_chunks().0.get(triangle).copied(),
+        }
+    }
+
     /// All triangles, widened.
     pub fn iter(&self) -> impl Iterator<Item = [u32; 3]> + use<'a> {
         let (short, long): (&'a [u16], &'a [u32]) = match *self {

@@ -14,6 +14,7 @@ mod kind;
 mod markers;
 mod mesh;
 mod morphs;
+mod packed;
 mod sections;
 
 pub use checksum::crc32;
@@ -31,6 +32,7 @@ pub use markers::{
 };
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
+pub use packed::{PackedDims, PackedTrack, unpack_rotation};
 
 /// Eight lanes of x, then of y, then of z.
 pub type Lanes3 = [[f32; LANES]; 3];
@@ -62,6 +64,7 @@ pub struct Asset<'a> {
     tracks: &'a [[u32; 4]],
     key_times: &'a [f32],
     key_values: &'a [f32],
+    pub(crate) packed: packed::Packed<'a>,
     joint_names: &'a [[u32; 2]],
     markers: MarkerTables<'a>,
     marker_names: &'a [[u32; 2]],

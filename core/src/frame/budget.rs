@@ -59,6 +59,8 @@ impl Cost {
 const SLERP: u64 = 4 + (4 + 9 + 4 + 4) + 2 * (2 + 9 * 3) + 8 + (4 + 9 + 4);
 /// A spline of four numbers: the Hermite weights, the blend, the normalisation.
 const SPLINE: u64 = 14 + 16 + (4 + 9 + 4);
+/// Two compressed keys: three components each, the fourth by a square root; their unit length.
+const PACKED: u64 = 2 * (6 + 3 + 10) + (4 + 9 + 4);
 /// A local transform to a matrix: products of components, then scales.
 const LOCAL_TO_MATRIX: u64 = 9 + 9;
 /// Three rows of four columns, three products each.
@@ -89,6 +91,11 @@ const fn pose_cost(dims: &Dims) -> Cost {
     let (joints, binds) = (dims.joint_count as u64, dims.bind_count as u64);
     let tracks = dims.max_clip_tracks as u64;
     let interpolation = if SLERP > SPLINE { SLERP } else { SPLINE };
+    let interpolation = if dims.packed.track_count > 0 {
+        interpolation + PACKED
+    } else {
+        interpolation
+    };
     // A search among n keys looks at no more than the bits of n, and then at two keys' values.
     let search = usize::BITS - dims.max_track_keys.leading_zeros();
     Cost {

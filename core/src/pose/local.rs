@@ -2,7 +2,10 @@
 
 use glam::{Quat, Vec3};
 
-use crate::asset::{Asset, Channel, Clip, Interpolation, LARGEST, LARGEST_WEIGHT, Track};
+use super::blend::set_rotation;
+use crate::asset::{
+    Asset, Channel, Clip, Interpolation, LARGEST, LARGEST_WEIGHT, PackedTrack, Track,
+};
 use crate::math::{Quat4, normalise, slerp};
 
 /// A joint relative to its parent: rotation x y z w, translation (metres), scale.
@@ -103,6 +106,58 @@ pub fn sample(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
             }
             Channel::MorphWeight => {}
         }
+    }
+    sample_packed(clip, seconds, local);
+}
+
+/// The compressed tracks of a clip, linear between keys. O(tracks log keys)
+fn sample_packed(clip: &Clip<'_>, seconds: f32, local: &mut [Local]) {
+    for track in clip.packed_tracks() {
+        let Some(local) = local.get_mut(track.joint) else {
+            continue;
+        };
+        let (key, fraction) = find_frame(&track, clip.sample_period, seconds);
+        if track.channel == Channel::Rotation {
+            let between = track
+                .rotation(key)
+                .and_then(|from| match track.rotation(key + 1) {
+                    Some(to) if fraction > 0.0 => normalise(slerp(from, to, fraction)),
+                    _ => normalise(from),
+                });
+            if let Some(turn) = between {
+                set_rotation(local, turn);
+            }
+        } else if let Some(mut value) = track.vector(key) {
+            if fraction > 0.0
+                && let Some(next) = track.vector(key + 1)
+            {
+                for (value, next) in value.iter_mut().zip(next) {
+                    *value += (next - *value) * fraction;
+                }
+            }
+            let [_, _, _, _, tx, ty, tz, sx, sy, sz] = local;
+            if track.channel == Channel::Translation {
+                [*tx, *ty, *tz] = value;
+            } else {
+                [*sx, *sy, *sz] = value;
+            }
+        }
+    }
+}
+
+/// The key at or before a time, and how far that lies toward the next one, in [0, 1).
+fn find_frame(track: &PackedTrack<'_>, period: f32, seconds: f32) -> (usize, f32) {
+    let time = |frame: u16| f32::from(frame) * period;
+    let after = track
+        .frames
+        .partition_point(|&frame| time(frame) <= seconds);
+    let key = after.saturating_sub(1);
+    match (track.frames.get(key), track.frames.get(after)) {
+        (Some(&start), Some(&end)) if after > 0 => {
+            let (start, end) = (time(start), time(end));
+            (key, (seconds - start) / (end - start))
+        }
+        _ => (key, 0.0),
     }
 }
 

@@ -2,6 +2,7 @@
 #![no_std]
 
 pub mod counter;
+pub mod png;
 pub mod report;
 pub mod stack;
 

@@ -5,6 +5,7 @@
 
 use glam::DQuat;
 
+use super::compress::{CompressionReport, PackedTrack, compress};
 use crate::model::{Avatar, Channel, Clip, Interpolation, Skeleton, Track};
 
 /// How far the kept keys may stray from those left out.
@@ -32,8 +33,12 @@ impl Default for KeyTolerance {
 /// Clips with the keys that remain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SparseClips {
-    /// In the order of the body.
+    /// In the order of the body, without what is compressed.
     pub clips: Vec<Clip>,
+    /// Compressed tracks of each clip; may be empty.
+    pub packed: Vec<Vec<PackedTrack>>,
+    /// What compression did, clip by clip; clips that stay as they are have no row.
+    pub compression: Vec<CompressionReport>,
     /// Keys before.
     pub source_keys: usize,
 }
@@ -43,22 +48,34 @@ impl SparseClips {
     #[must_use]
     pub fn kept_keys(&self) -> usize {
         let tracks = self.clips.iter().flat_map(|clip| &clip.tracks);
-        tracks.map(|track| track.times.len()).sum()
+        let packed = self.packed.iter().flatten();
+        tracks.map(|track| track.times.len()).sum::<usize>()
+            + packed.map(|track| track.frames.len()).sum::<usize>()
     }
 }
 
-/// Leaves out what the tolerance allows. O(keys log keys) for smooth motion.
+/// Leaves out what the tolerance allows; with `compression`, a distance in metres, clips are
+/// compressed first. O(keys log keys) for smooth motion.
 #[must_use]
-pub fn reduce(avatar: &Avatar, tolerance: KeyTolerance) -> SparseClips {
+pub fn reduce(avatar: &Avatar, tolerance: KeyTolerance, compression: Option<f64>) -> SparseClips {
     let tracks = avatar.clips.iter().flat_map(|clip| &clip.tracks);
-    SparseClips {
+    let mut out = SparseClips {
         source_keys: tracks.map(|track| track.times.len()).sum(),
-        clips: avatar
-            .clips
-            .iter()
-            .map(|clip| reduce_clip(clip, &avatar.skeleton, tolerance))
-            .collect(),
+        clips: Vec::with_capacity(avatar.clips.len()),
+        packed: Vec::with_capacity(avatar.clips.len()),
+        compression: Vec::new(),
+    };
+    for clip in &avatar.clips {
+        let mut clip = clip.clone();
+        let compressed =
+            compression.and_then(|distance| compress(&mut clip, &avatar.skeleton, distance));
+        let (packed, report) = compressed.unzip();
+        out.packed.push(packed.unwrap_or_default());
+        out.compression.extend(report);
+        out.clips
+            .push(reduce_clip(&clip, &avatar.skeleton, tolerance));
     }
+    out
 }
 
 fn reduce_clip(clip: &Clip, skeleton: &Skeleton, tolerance: KeyTolerance) -> Clip {
@@ -95,7 +112,7 @@ fn rest_value(skeleton: &Skeleton, track: &Track) -> [f64; 4] {
 }
 
 /// Radians, metres or factor between two values.
-fn distance(channel: Channel, a: [f64; 4], b: [f64; 4]) -> f64 {
+pub(super) fn distance(channel: Channel, a: [f64; 4], b: [f64; 4]) -> f64 {
     let dot: f64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
     let sign = if channel == Channel::Rotation && dot < 0.0 {
         -1.0
@@ -124,7 +141,7 @@ fn between(channel: Channel, from: [f64; 4], to: [f64; 4], t: f64) -> [f64; 4] {
 
 /// Keeps the ends, then of every stretch the key that strays most, until none strays too far
 /// (Ramer, Douglas and Peucker, in time).
-fn thin(track: &Track, limit: f64) -> Track {
+pub(super) fn thin(track: &Track, limit: f64) -> Track {
     let (times, values) = (&track.times, &track.values);
     let last = times.len() - 1;
     let mut keep = vec![false; times.len()];

@@ -7,6 +7,7 @@
 pub mod blocks;
 pub mod centres;
 pub mod clips;
+pub mod compress;
 pub mod write;
 
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
@@ -22,6 +23,8 @@ pub struct BakeOptions {
     pub key_tolerance: KeyTolerance,
     /// Whether to find centres of rotation ([`centres`]), which one skinning mode needs.
     pub centres: bool,
+    /// Metres that compressed clips may stray in joint space; `None` keeps 32-bit keys.
+    pub compression: Option<f64>,
 }
 
 /// An asset and what is known about how it came about.
@@ -44,6 +47,8 @@ pub struct BakeReport {
     pub weight_error: f64,
     /// Keys in the source and keys kept.
     pub keys: (usize, usize),
+    /// Clips that were compressed.
+    pub compression: Vec<compress::CompressionReport>,
 }
 
 /// A body that cannot be written as an asset.
@@ -125,7 +130,7 @@ pub fn bake_with(
     markers: Option<&MarkerModel>,
 ) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
-    let clips = clips::reduce(avatar, options.key_tolerance);
+    let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
     let centres = options
         .centres
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
@@ -144,6 +149,7 @@ pub fn bake_with(
             .collect(),
         weight_error: blocks.weight_error,
         keys: (clips.source_keys, clips.kept_keys()),
+        compression: clips.compression,
     };
     Ok(Baked { bytes, report })
 }

@@ -1,7 +1,7 @@
 //! Small dense linear algebra: symmetric positive definite solves and symmetric eigenvectors.
 
 /// Cholesky factor of a symmetric positive definite matrix, `[n x n]`, row-major, lower.
-pub(super) struct Cholesky {
+pub(crate) struct Cholesky {
     n: usize,
     lower: Vec<f64>,
 }
@@ -64,7 +64,7 @@ impl Cholesky {
 
 /// Eigenvalues, largest first, and their unit eigenvectors (as rows) of a symmetric `[n x n]`
 /// matrix, by Jacobi's rotations (Golub & Van Loan, section 8.5).
-pub(super) fn symmetric_eigen(n: usize, mut matrix: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn symmetric_eigen(n: usize, mut matrix: Vec<f64>) -> (Vec<f64>, Vec<f64>) {
     const SWEEPS: usize = 30;
     let mut vectors = vec![0.0; n * n];
     for at in 0..n {

@@ -12,7 +12,7 @@
 
 mod despike;
 pub mod fill;
-mod linear;
+pub(crate) mod linear;
 pub mod merge;
 pub(crate) mod neighbours;
 pub(crate) mod rigid;

@@ -10,7 +10,10 @@ mod demo;
 mod inspect;
 mod load;
 mod play;
+mod register;
 mod say;
+mod segment;
+mod solve;
 mod studio;
 mod track;
 mod verify;
@@ -29,6 +32,9 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew solve take.c3d --output walk.bvh           markers to skeleton motion
+  sinew register --mesh body.glb --markers clean.c3d --output fitted.glb
+  sinew segment --mesh fitted.glb --markers clean.c3d --output parts.json
   sinew studio --mesh body.glb --motion walk.bvh --out capture
 
 Lengths are metres, times seconds, Y is up. Exit status: 0 done, 1 the data is at fault, 2 usage.")]
@@ -49,9 +55,12 @@ enum Command {
     Inspect(inspect::Inspect),
     Bake(bake::Bake),
     Clean(clean::Clean),
+    Register(register::Register),
+    Segment(segment::Segment),
     Play(play::Play),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
+    Solve(solve::Solve),
     Studio(Box<studio::Studio>),
     Track(track::Track),
 }
@@ -81,9 +90,12 @@ pub fn run() -> ExitCode {
         Command::Inspect(command) => command.run(&say),
         Command::Bake(command) => command.run(&say),
         Command::Clean(command) => command.run(&say),
+        Command::Register(command) => command.run(&say),
+        Command::Segment(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
+        Command::Solve(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),
         Command::Track(command) => command.run(&say),
     };

@@ -5,15 +5,18 @@
 
 pub mod atomic;
 mod body;
+pub mod bvh;
 pub mod c3d;
 mod error;
 pub mod gif;
 pub mod glb;
 pub mod marker_csv;
 pub mod npy;
+pub mod obj;
 pub mod plot;
 pub mod png;
 pub mod render;
+pub mod sheet;
 pub mod trc;
 
 pub use atomic::write_atomic;

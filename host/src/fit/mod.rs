@@ -6,12 +6,16 @@
 
 pub mod correspond;
 mod error;
+pub mod feet;
 pub mod floor;
 pub mod humanoid;
 pub mod laplace;
 pub mod live;
 mod names;
+pub mod register;
 pub mod retarget;
+pub mod segment;
+pub mod solve;
 
 pub use correspond::{Correspondence, Drive};
 pub use error::{FitError, Which};

@@ -178,12 +178,46 @@ fn unpack_clip(clip: &asset::Clip<'_>, morphs: &[Morph]) -> Clip {
             values: track.values.chunks_exact(width).map(value).collect(),
         })
     });
+    let mut tracks: Vec<Track> = tracks.collect();
+    tracks.extend(clip.packed_tracks().map(|track| unpack_track(&track, clip)));
+    tracks.sort_by_key(|track| (track.joint, track.channel));
     Clip {
         name: clip.name.to_owned(),
-        tracks: tracks.collect(),
+        tracks,
         morph_track: morph_track(clip, morphs),
         duration: clip.duration.into(),
         sample_period: (clip.sample_period > 0.0).then(|| clip.sample_period.into()),
+    }
+}
+
+/// A compressed track with its keys as they decode.
+fn unpack_track(track: &asset::PackedTrack<'_>, clip: &asset::Clip<'_>) -> Track {
+    let value = |key: usize| {
+        if let (asset::Channel::Rotation, Some(turn)) = (track.channel, track.rotation(key)) {
+            return DQuat::from_array(turn.map(f64::from))
+                .normalize()
+                .to_array();
+        }
+        let vector = track.vector(key).unwrap_or_default();
+        DVec3::from_array(vector.map(f64::from))
+            .extend(0.0)
+            .to_array()
+    };
+    let period = f64::from(clip.sample_period);
+    Track {
+        joint: track.joint,
+        channel: match track.channel {
+            asset::Channel::Scale => Channel::Scale,
+            asset::Channel::Rotation => Channel::Rotation,
+            _ => Channel::Translation,
+        },
+        interpolation: Interpolation::Linear,
+        times: track
+            .frames
+            .iter()
+            .map(|&frame| f64::from(frame) * period)
+            .collect(),
+        values: (0..track.frames.len()).map(value).collect(),
     }
 }
 

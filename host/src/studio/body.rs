@@ -1,7 +1,5 @@
 //! The truth: a body that moves, bulges, breathes and jiggles, one surface a frame.
 
-use std::collections::HashMap;
-
 use glam::{DAffine3, DVec3};
 
 use super::StudioError;
@@ -9,6 +7,7 @@ use super::error::within;
 use super::flesh::{Flesh, FleshOptions};
 use super::performance::{Direction, Performance};
 use crate::model::{Avatar, Clip};
+use crate::spatial::weld;
 
 /// Most frames of a capture.
 const MOST_FRAMES: f64 = 1_000_000.0;
@@ -222,32 +221,5 @@ impl<'a> Body<'a> {
                 normals[first]
             };
         }
-    }
-}
-
-/// `[vertices]`: the first vertex at exactly the same position.
-pub(super) fn weld(positions: &[DVec3]) -> Vec<u32> {
-    let mut first: HashMap<[u64; 3], u32> = HashMap::with_capacity(positions.len());
-    let key = |position: &DVec3| position.to_array().map(|c| (c + 0.0).to_bits());
-    let places = positions.iter().enumerate();
-    places
-        .map(|(vertex, at)| *first.entry(key(at)).or_insert(vertex as u32))
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_vertex_in_a_place_stands_for_all() {
-        let at = [
-            DVec3::ZERO,
-            DVec3::X,
-            DVec3::new(-0.0, 0.0, 0.0),
-            DVec3::X,
-            DVec3::Y,
-        ];
-        assert_eq!(weld(&at), [0, 1, 0, 1, 4]);
     }
 }

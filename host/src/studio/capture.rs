@@ -12,8 +12,8 @@ use super::error::within;
 use super::markers::MarkerSet;
 use super::random::Random;
 use super::track::Tracker;
-use super::tree::Tree;
 use super::visibility::{Seen, Sight};
+use crate::spatial::Tree;
 
 /// How a body is filmed.
 #[derive(Clone, Copy, Debug, PartialEq)]

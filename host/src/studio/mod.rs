@@ -24,10 +24,9 @@ pub mod flesh;
 pub mod markers;
 pub mod performance;
 pub mod pictures;
-mod random;
+pub(crate) mod random;
 pub mod rope;
 mod track;
-pub mod tree;
 pub mod visibility;
 
 pub use body::{Body, Scene, Surface};

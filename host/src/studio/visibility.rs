@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::cameras::Camera;
 use super::random::Random;
-use super::tree::Tree;
+use crate::spatial::Tree;
 
 /// What a camera can make out.
 #[derive(Clone, Copy, Debug, PartialEq)]

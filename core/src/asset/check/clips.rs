@@ -6,19 +6,8 @@ use crate::asset::{Asset, AssetError, Channel, LARGEST, SectionKind, Track};
 
 pub(super) fn check(asset: &Asset<'_>) -> Result<(), AssetError> {
     let (mut first_track, mut most_tracks, mut most_keys) = (0, 0, 0);
-    for (
-        row,
-        &[
-            offset,
-            length,
-            first,
-            count,
-            duration,
-            period,
-            zero,
-            also_zero,
-        ],
-    ) in asset.clips.iter().enumerate()
+    for (row, &[offset, length, first, count, duration, period, _, packed]) in
+        asset.clips.iter().enumerate()
     {
         let section = SectionKind::Clips;
         name(asset, section, row, (offset, length))?;
@@ -27,10 +16,7 @@ pub(super) fn check(asset: &Asset<'_>) -> Result<(), AssetError> {
             [f32::from_bits(duration), f32::from_bits(period)],
             LARGEST,
         )?;
-        let sound = f32::from_bits(duration) >= 0.0
-            && f32::from_bits(period) >= 0.0
-            && zero == 0
-            && also_zero == 0;
+        let sound = f32::from_bits(duration) >= 0.0 && f32::from_bits(period) >= 0.0;
         if !sound {
             return Err(AssetError::Number { section, at: row });
         }
@@ -43,7 +29,7 @@ pub(super) fn check(asset: &Asset<'_>) -> Result<(), AssetError> {
             });
         }
         first_track = first_track.saturating_add(count as usize);
-        most_tracks = most_tracks.max(count as usize);
+        most_tracks = most_tracks.max((count as usize).saturating_add(packed as usize));
     }
     if first_track != asset.dims.track_count {
         let limit = asset.dims.track_count;
@@ -85,6 +71,9 @@ pub(super) fn check(asset: &Asset<'_>) -> Result<(), AssetError> {
         below(section, row, track.target, targets)?;
         check_keys(&track, row)?;
         most_keys = most_keys.max(track.times.len());
+    }
+    for track in asset.packed.tracks {
+        most_keys = most_keys.max(track[2] as usize);
     }
     if most_tracks != asset.dims.max_clip_tracks {
         return Err(AssetError::Counts {

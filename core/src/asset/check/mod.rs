@@ -5,8 +5,10 @@ mod clips;
 mod markers;
 mod mesh;
 mod morphs;
+mod packed;
 mod skeleton;
 
+use super::packed::Packed;
 use super::sections::Sections;
 use super::{Asset, AssetError, MarkerTables, SectionKind, Triangles};
 
@@ -42,6 +44,11 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         tracks: sections.view(SectionKind::Tracks)?,
         key_times: sections.view(SectionKind::KeyTimes)?,
         key_values: sections.view(SectionKind::KeyValues)?,
+        packed: Packed {
+            tracks: sections.view(SectionKind::PackedTracks)?,
+            frames: sections.view(SectionKind::PackedFrames)?,
+            values: sections.view(SectionKind::PackedValues)?,
+        },
         joint_names: sections.view(SectionKind::JointNames)?,
         markers: MarkerTables {
             markers: sections.view(SectionKind::Markers)?,
@@ -60,6 +67,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     morphs::check(&asset)?;
     clips::check(&asset)?;
     markers::check(&asset)?;
+    packed::check(&asset)?;
     Ok(asset)
 }
 

@@ -2,9 +2,10 @@
 
 use std::collections::HashMap;
 
-use sinew_core::asset::SectionKind;
+use sinew_core::asset::{PackedDims, SectionKind};
 
 use super::{BakeError, SparseClips, Writer, fits, limit};
+use crate::bake::compress::PackedTrack;
 use crate::model::{Channel, Interpolation, Morph, MorphTrack, Track};
 
 /// Sections under construction.
@@ -23,7 +24,8 @@ impl Writer {
     /// Joint tracks, then morph weights, of each clip.
     pub(super) fn clips(&mut self, clips: &SparseClips, morphs: &[Morph]) -> Result<(), BakeError> {
         let mut tables = Tables::default();
-        for clip in &clips.clips {
+        let mut packed = Packed::default();
+        for (index, clip) in clips.clips.iter().enumerate() {
             let [name, name_bytes] = self.name(&clip.name);
             let what = || format!("duration of clip {:?}", clip.name);
             let duration = fits(clip.duration, what)?.to_bits();
@@ -39,9 +41,25 @@ impl Writer {
                 }
             }
             let count = tables.tracks.len() - first;
-            self.dims.max_clip_tracks = self.dims.max_clip_tracks.max(count);
+            let first_packed = packed.tracks.len();
+            for track in clips.packed.get(index).into_iter().flatten() {
+                packed.track(track)?;
+                tables.most_keys = tables.most_keys.max(track.frames.len());
+            }
+            let packed_count = packed.tracks.len() - first_packed;
+            self.dims.max_clip_tracks = self.dims.max_clip_tracks.max(count + packed_count);
             let (first, count) = (first as u32, count as u32);
-            let row = [name, name_bytes, first, count, duration, period, 0, 0];
+            let (first_packed, packed_count) = (first_packed as u32, packed_count as u32);
+            let row = [
+                name,
+                name_bytes,
+                first,
+                count,
+                duration,
+                period,
+                first_packed,
+                packed_count,
+            ];
             tables.clips.push(row);
         }
         self.dims.clip_count = tables.clips.len();
@@ -54,6 +72,47 @@ impl Writer {
         self.put(SectionKind::Tracks, tables.tracks.as_flattened());
         self.put(SectionKind::KeyTimes, &tables.times);
         self.put(SectionKind::KeyValues, &tables.values);
+        self.dims.packed = PackedDims {
+            track_count: packed.tracks.len(),
+            frame_count: packed.frames.len(),
+            value_count: limit("key values", packed.values.len(), u32::MAX as usize / 2)?,
+        };
+        self.put(SectionKind::PackedTracks, packed.tracks.as_flattened());
+        self.put(SectionKind::PackedFrames, &packed.frames);
+        self.put(SectionKind::PackedValues, &packed.values);
+        Ok(())
+    }
+}
+
+/// Sections of compressed tracks under construction.
+#[derive(Default)]
+struct Packed {
+    tracks: Vec<[u32; 4]>,
+    frames: Vec<u16>,
+    values: Vec<u16>,
+}
+
+impl Packed {
+    fn track(&mut self, track: &PackedTrack) -> Result<(), BakeError> {
+        let channel = match track.channel {
+            Channel::Translation => 0,
+            Channel::Rotation => 1,
+            Channel::Scale => 2,
+        };
+        self.tracks.push([
+            track.joint as u32 | channel << 16,
+            self.frames.len() as u32,
+            track.frames.len() as u32,
+            self.values.len() as u32,
+        ]);
+        self.frames.extend(&track.frames);
+        if track.channel != Channel::Rotation {
+            for value in track.range {
+                let bits = fits(value.into(), || "a compressed key".into())?.to_bits();
+                self.values.extend([bits as u16, (bits >> 16) as u16]);
+            }
+        }
+        self.values.extend(track.values.as_flattened());
         Ok(())
     }
 }

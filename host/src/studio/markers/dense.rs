@@ -7,11 +7,10 @@ use super::geodesic::Ways;
 use super::landmarks;
 use crate::fit::{Part, Role, Side};
 use crate::model::Avatar;
+use crate::spatial::{Tree, weld};
 use crate::studio::StudioError;
 use crate::studio::anatomy::Anatomy;
-use crate::studio::body::weld;
 use crate::studio::random::Random;
-use crate::studio::tree::Tree;
 
 /// Most markers of a set.
 const MOST: usize = 20_000;

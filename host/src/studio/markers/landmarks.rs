@@ -5,9 +5,9 @@ use glam::DVec3;
 use super::Marker;
 use crate::fit::{Part, Role, Side};
 use crate::model::Avatar;
+use crate::spatial::{Hit, Tree};
 use crate::studio::StudioError;
 use crate::studio::anatomy::Anatomy;
-use crate::studio::tree::{Hit, Tree};
 
 /// A point inside the body and the way to the skin.
 struct Way {

@@ -12,27 +12,27 @@ const EDGE: f64 = 1e-9;
 const LEAF: usize = 4;
 
 #[derive(Clone, Copy, Debug)]
-struct Node {
+pub(super) struct Node {
     low: DVec3,
     high: DVec3,
     /// First triangle of a leaf, or the left child; the right child follows its left subtree.
-    first: u32,
+    pub(super) first: u32,
     /// Right child of an inner node.
-    right: u32,
+    pub(super) right: u32,
     /// Triangles of a leaf; 0 for an inner node.
-    count: u32,
+    pub(super) count: u32,
 }
 
 /// A bounding volume hierarchy over triangles.
 #[derive(Clone, Debug)]
 pub struct Tree {
-    nodes: Vec<Node>,
+    pub(super) nodes: Vec<Node>,
     /// Vertex indices, in leaf order.
     triangles: Vec<[u32; 3]>,
     /// `[triangles]`: index in the source's order.
-    source: Vec<u32>,
+    pub(super) source: Vec<u32>,
     /// `[triangles x 3]`: corners, in leaf order.
-    corners: Vec<[DVec3; 3]>,
+    pub(super) corners: Vec<[DVec3; 3]>,
 }
 
 /// Where a ray meets a surface.
@@ -196,6 +196,11 @@ fn split(nodes: &mut Vec<Node>, order: &mut [u32], first: u32, centres: &[DVec3]
 }
 
 impl Node {
+    /// Squared distance of a point from the box, square metres.
+    pub(super) fn away_squared(&self, point: DVec3) -> f64 {
+        (point.clamp(self.low, self.high) - point).length_squared()
+    }
+
     /// Slab test (Kay and Kajiya 1986). A ray along a face counts as meeting it.
     fn meets(&self, origin: DVec3, inverse: DVec3, limit: f64) -> bool {
         let a = (self.low - origin) * inverse;
@@ -238,8 +243,8 @@ fn meet(corners: &[DVec3; 3], origin: DVec3, direction: DVec3) -> Option<(f64, [
 
 #[cfg(test)]
 mod tests {
-    use super::super::random::Random;
     use super::*;
+    use crate::studio::random::Random;
 
     /// A square of two triangles at height z.
     fn square(z: f64) -> (Vec<[u32; 3]>, Vec<DVec3>) {
