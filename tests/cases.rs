@@ -3,9 +3,8 @@
 use std::fs;
 
 use sinew_host::bake::AssetBytes;
-use sinew_host::studio::MarkerLayout;
 
-use crate::{human, live, marker_film, root};
+use crate::{human, root};
 
 /// A stage over an asset.
 #[derive(Clone, Debug)]
@@ -38,19 +37,5 @@ pub fn all() -> Vec<Case> {
     vec![
         case("skin", "arm", arm),
         case("skin", "human", human::asset()),
-        case("markers", "set53", marker_set()),
     ]
-}
-
-/// 53 markers that kneel, known from a walk and from another part of the kneeling.
-fn marker_set() -> AssetBytes {
-    let body = human::avatar();
-    let film = |clip: usize| {
-        let clip = &body.clips[clip];
-        marker_film::truth(&body, clip, MarkerLayout::Standard53, 120.0, 6.0)
-    };
-    let (walk, kneel) = (film(0), film(1));
-    let half = kneel.frame_count() / 2;
-    let lessons = [walk, live::cut(&kneel, 0, half)];
-    marker_film::asset(&live::cut(&kneel, half, kneel.frame_count()), &lessons)
 }

@@ -53,13 +53,19 @@ pub fn asset(film: &Take, lessons: &[Take]) -> AssetBytes {
         film.labels().iter().position(same).expect("filmed too")
     });
     let order: Vec<usize> = order.collect();
-    let times: Vec<f64> = (0..film.frame_count()).map(|frame| film.seconds(frame)).collect();
+    let times: Vec<f64> = (0..film.frame_count())
+        .map(|frame| film.seconds(frame))
+        .collect();
     let track = |(joint, &marker): (usize, &usize)| RawTrack {
         joint,
         channel: Channel::Translation,
         interpolation: Interpolation::Linear,
         times: times.clone(),
-        values: film.trajectory(marker).iter().map(|p| [p.x, p.y, p.z, 0.0]).collect(),
+        values: film
+            .trajectory(marker)
+            .iter()
+            .map(|p| [p.x, p.y, p.z, 0.0])
+            .collect(),
     };
     let joints = model.labels.iter().map(|label| RawJoint {
         name: label.clone(),

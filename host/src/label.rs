@@ -29,7 +29,7 @@ impl<'a> Labeller<'a> {
         Self {
             model,
             config,
-            state: State::with(vec![Trace::EMPTY; marker_count]),
+            state: State::with(vec![Trace::EMPTY; state_len(model.dims())]),
             workspace: Workspace::with(
                 vec![RowSlot::EMPTY; marker_count],
                 vec![Proposal::EMPTY; marker_count],

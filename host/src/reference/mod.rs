@@ -5,6 +5,7 @@
 pub mod aim;
 pub mod dual;
 pub mod laplacian;
+pub mod markers;
 pub mod morph;
 pub mod pose;
 pub mod skin;

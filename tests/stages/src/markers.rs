@@ -8,7 +8,7 @@ use sinew_core::deform::Level;
 use sinew_core::frame::Fingerprint;
 use sinew_core::pose;
 use sinew_core::track::markers::{
-    Config, FixedWorkspace, Model, Source, State, Trace, Tracker, work_bound,
+    Config, FixedWorkspace, Model, Source, State, Trace, Tracker, state_len, work_bound,
 };
 
 use crate::{Fault, Memory, Probe};
@@ -34,7 +34,7 @@ pub fn run<P: Probe>(
     let mut memory = Memory::new(memory);
     let (local, _) = memory.take(10 * asset.dims().joint_count)?.as_chunks_mut();
     let (points, _) = memory.take(3 * POINTS)?.as_chunks_mut::<3>();
-    let mut state = State::<[Trace; MARKERS]>::new();
+    let mut state = State::<[Trace; 2 * MARKERS]>::new();
     let mut workspace = FixedWorkspace::<MARKERS, POINTS>::new();
     let config = Config::new(asset.marker_rate(), model.dims());
     let mut hash = Fingerprint::new();
@@ -50,7 +50,9 @@ pub fn run<P: Probe>(
             if is_hidden(marker, frame) {
                 continue;
             }
-            let place = local.get(marker).map(|local: &[f32; 10]| [local[4], local[5], local[6]]);
+            let place = local
+                .get(marker)
+                .map(|local: &[f32; 10]| [local[4], local[5], local[6]]);
             if let (Some(place), Some(point), Some(owner)) =
                 (place, points.get_mut(count), owners.get_mut(count))
             {
@@ -66,11 +68,15 @@ pub fn run<P: Probe>(
         }
         // A tenth of a second in which nothing is seen.
         let blind = frame % 200 >= 190;
-        let seen = points.get(..if blind { 0 } else { count }).unwrap_or_default();
-        let mut tracker = Tracker::new(&model, config, &mut state, &mut workspace)
-            .map_err(|error| Fault::Memory {
-                needed: error.needed,
-                left: error.found,
+        let seen = points
+            .get(..if blind { 0 } else { count })
+            .unwrap_or_default();
+        let mut tracker =
+            Tracker::new(&model, config, &mut state, &mut workspace).map_err(|error| {
+                Fault::Memory {
+                    needed: error.needed,
+                    left: error.found,
+                }
             })?;
         let report = probe.count("frame", || tracker.step(black_box(seen)));
         most = most.max(report.work);
@@ -93,9 +99,15 @@ pub fn run<P: Probe>(
         ("samples_wrong", wrong),
         ("samples_filled", filled),
         ("work_most", u64::from(most)),
-        ("work_bound", u64::from(work_bound(model.dims(), POINTS, config.search))),
+        (
+            "work_bound",
+            u64::from(work_bound(model.dims(), POINTS, config.search)),
+        ),
         ("bytes_asset", bytes.len() as u64),
-        ("bytes_state", (markers * size_of::<Trace>()) as u64),
+        (
+            "bytes_state",
+            (state_len(model.dims()) * size_of::<Trace>()) as u64,
+        ),
         ("bytes_of_Trace", size_of::<Trace>() as u64),
     ] {
         probe.number(name, value);

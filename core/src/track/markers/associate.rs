@@ -18,7 +18,7 @@ pub(super) const CAP: f32 = 25.0;
 const UNKNOWN: f32 = 0.02;
 const HALF: f32 = 0.15;
 /// Distances that vary by more than this many metres say little, and much the same.
-const LOOSE: f32 = 0.015;
+pub(super) const LOOSE: f32 = 0.015;
 /// Steps that a frame's assignment may take, a marker.
 pub(super) const SEARCH: u32 = 16;
 

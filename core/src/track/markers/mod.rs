@@ -21,6 +21,7 @@ mod gap;
 mod model;
 mod pace;
 mod points;
+mod rival;
 mod seed;
 mod seek;
 mod state;
@@ -37,8 +38,8 @@ pub use pace::Config;
 use pace::Pace;
 pub use points::Point;
 use points::Points;
-use state::{Course, NONE, OFFERS};
-pub use state::{FixedWorkspace, MemoryError, Proposal, State, Trace, Workspace};
+use state::{Course, NONE, OFFERS, Rival};
+pub use state::{FixedWorkspace, MemoryError, Proposal, State, Trace, Workspace, state_len};
 
 /// Where a marker's position comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,6 +113,9 @@ pub struct Tracker<'r, 'a> {
     pace: Pace,
     course: &'r mut Course,
     traces: &'r mut [Trace],
+    /// Another labelling, which takes over where it explains more.
+    rival: &'r mut Rival,
+    rival_traces: &'r mut [Trace],
     rows: &'r mut [RowSlot<OFFERS>],
     proposals: &'r mut [Proposal],
     points: &'r mut [Point],
@@ -139,6 +143,12 @@ impl<'r, 'a> Tracker<'r, 'a> {
         C: BorrowMut<[ColumnSlot]>,
     {
         let count = model.dims().marker_count;
+        let all = first(
+            state.traces.borrow_mut(),
+            state_len(model.dims()),
+            "marker state",
+        )?;
+        let (traces, rival_traces) = all.split_at_mut_checked(count).unwrap_or_default();
         let points = workspace.points.borrow_mut();
         let columns = workspace.columns.borrow_mut();
         let room = points.len().min(columns.len());
@@ -147,7 +157,9 @@ impl<'r, 'a> Tracker<'r, 'a> {
             config,
             pace: Pace::new(&config, count),
             course: &mut state.course,
-            traces: first(state.traces.borrow_mut(), count, "marker state")?,
+            traces,
+            rival: &mut state.rival,
+            rival_traces,
             rows: first(workspace.rows.borrow_mut(), count, "marker rows")?,
             proposals: first(workspace.proposals.borrow_mut(), count, "marker proposals")?,
             points: first(points, room.max(1), "points")?,
@@ -173,8 +185,10 @@ impl<'r, 'a> Tracker<'r, 'a> {
             columns: self.columns,
             points,
             corrected: 0,
+            search: self.config.search,
         };
         frame.run();
+        rival::step(&mut frame, self.rival, self.rival_traces);
         let mut report = FrameReport {
             strangers: frame.points.len(),
             unusable: refused.unusable,
@@ -251,6 +265,8 @@ struct Frame<'f, 'a> {
     columns: &'f mut [ColumnSlot],
     points: Points<'f>,
     corrected: usize,
+    /// Inner steps left for seeking.
+    search: u32,
 }
 
 impl Frame<'_, '_> {
@@ -269,14 +285,22 @@ impl Frame<'_, '_> {
             self.fill_missing();
             self.associate_filled();
             self.audit();
-            let budget = self.points.work.saturating_add(self.config.search);
-            self.seek(budget, true, 0);
+            let before = self.points.work;
+            self.seek(before.saturating_add(self.search), true, 0);
+            self.spend(before);
             self.judge();
         } else if self.points.len() >= 4 {
-            let budget = self.points.work.saturating_add(self.config.search);
-            self.recognise(budget);
+            let before = self.points.work;
+            self.recognise(before.saturating_add(self.search));
+            self.spend(before);
         }
         self.settle();
+    }
+
+    /// What was spent since the work stood at `before` is gone for the rest of the frame.
+    fn spend(&mut self, before: u32) {
+        let spent = self.points.work.saturating_sub(before);
+        self.search = self.search.saturating_sub(spent);
     }
 
     /// Every marker loses its place; what was learned about its bias stays.

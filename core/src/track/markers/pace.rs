@@ -62,6 +62,8 @@ pub(super) struct Pace {
     pub blank: u16,
     /// Frames after which a fill may have gone astray.
     pub old: u16,
+    /// Frames after which a labelling that leaves points over is doubted.
+    pub doubtful: u16,
     /// Markers that are compared with their neighbours in a frame.
     pub reviews: usize,
 }
@@ -94,6 +96,7 @@ impl Pace {
             bias: REVIEW as f32 * share(1.0),
             patience: ((0.1 * rate) as u16).max(3),
             blank: ((0.12 * rate) as u16).max(2),
+            doubtful: ((0.04 * rate) as u16).max(2),
             old: ((0.25 * rate) as u16).max(4),
             reviews: markers.div_ceil(REVIEW),
         }

@@ -132,8 +132,8 @@ impl Frame<'_, '_> {
     }
 
     /// Looks for the lost markers of seeds that have at least `found` found ones; whether any was
-    /// found.
-    pub(super) fn complete(&mut self, found: usize, budget: u32) -> bool {
+    /// found. `blindly`: where nothing tells a group from its mirror image, too.
+    pub(super) fn complete(&mut self, found: usize, blindly: bool, budget: u32) -> bool {
         let mut any = false;
         for _ in 0..self.model.dims().seed_count {
             if self.points.work >= budget {
@@ -158,7 +158,7 @@ impl Frame<'_, '_> {
             }
             let all = 0..self.points.len();
             if let Search::One(points) = self.search(&seed, all, budget, true)
-                && self.fits(&seed, points, known)
+                && self.fits(&seed, points, known, blindly)
             {
                 for &marker in seed.markers.iter().skip(known) {
                     self.drop_point(marker);
@@ -178,18 +178,17 @@ impl Frame<'_, '_> {
 
     /// Whether the found neighbours of the new ones agree. Where neither a found marker of the seed
     /// nor handedness tells left from right, there must be some.
-    fn fits(&self, seed: &Seed, points: [usize; 4], known: usize) -> bool {
+    fn fits(&self, seed: &Seed, points: [usize; 4], known: usize, blindly: bool) -> bool {
         let mut asked = 0;
         for (&marker, point) in seed.markers.iter().zip(points).skip(known) {
             let position = self.points.at(point).position;
-            let (against, count) =
-                contradiction(self.model, self.traces, marker, position, NONE);
+            let (against, count) = contradiction(self.model, self.traces, marker, position, NONE);
             if against > 4.0 * count as f32 {
                 return false;
             }
             asked += count;
         }
-        known >= 2 || seed.volume != 0.0 || asked >= 4
+        blindly || known >= 2 || seed.volume != 0.0 || asked >= 4
     }
 
     /// Points that match a seed. `firsts`: those for its first marker, where that is not found.
@@ -284,10 +283,9 @@ impl Frame<'_, '_> {
         // Only what the four lead to: a group turned over leads nowhere.
         let possible = self.points.len().min(self.traces.len());
         let enough = (possible / 2).clamp(4, ENOUGH);
-        let reserve = self.config.search / 2;
-        self.seek(budget.saturating_add(reserve), false, enough);
+        self.seek(budget, false, enough);
         if self.measured() >= enough || seed.volume != 0.0 {
-            self.seek(budget.saturating_add(reserve), true, 0);
+            self.seek(budget, true, 0);
             let measured = self.measured();
             if (2 * measured >= possible || measured >= enough) && self.witness() {
                 return true;

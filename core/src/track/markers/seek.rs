@@ -45,10 +45,11 @@ impl Frame<'_, '_> {
             }
             // The surest way first; back to it after every find.
             let found = match step {
-                0 => self.complete(2, budget),
-                1 => anywhere && self.complete(0, budget),
+                0 => self.complete(2, false, budget),
+                1 => anywhere && self.complete(0, false, budget),
                 2 => self.propose(budget, 0),
                 3 => self.propose(budget, 1),
+                4 => anywhere && self.complete(0, true, budget),
                 _ => return,
             };
             step = if found { 0 } else { step + 1 };
@@ -56,7 +57,10 @@ impl Frame<'_, '_> {
     }
 
     pub(super) fn measured(&self) -> usize {
-        self.traces.iter().filter(|trace| trace.is_measured()).count()
+        self.traces
+            .iter()
+            .filter(|trace| trace.is_measured())
+            .count()
     }
 
     /// A marker found anew: where it was thought to be says nothing.

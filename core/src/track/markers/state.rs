@@ -129,11 +129,31 @@ impl Default for Trace {
     }
 }
 
-/// What a tracker remembers; `B` holds `[Trace]`, one a marker.
+/// What a tracker remembers; `B` holds `[Trace]`, [`state_len`] of them.
 #[derive(Clone, Debug)]
 pub struct State<B> {
     pub(super) course: Course,
+    pub(super) rival: Rival,
     pub(super) traces: B,
+}
+
+/// Rows that a [`State`] needs: two labellings.
+#[must_use]
+pub const fn state_len(dims: &super::MarkerDims) -> usize {
+    2 * dims.marker_count
+}
+
+/// Where the second labelling stands.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rival {
+    pub course: Course,
+    pub is_running: bool,
+    /// Frames since it began; until the next begins; attempts that came to nothing.
+    pub age: u16,
+    pub wait: u16,
+    pub waits: u16,
+    /// Frames in a row in which the first left points unexplained.
+    pub short: u16,
 }
 
 /// Where the tracker stands.
@@ -154,6 +174,18 @@ pub(super) struct Course {
     pub next: usize,
 }
 
+impl Course {
+    const NEW: Self = Self {
+        is_tracking: false,
+        poor: 0,
+        blank: 0,
+        seed: 0,
+        first: 0,
+        turn: 0,
+        next: 0,
+    };
+}
+
 impl<B: BorrowMut<[Trace]>> State<B> {
     /// A state that knows nothing, in the caller's memory; old contents do not matter.
     #[must_use]
@@ -161,6 +193,7 @@ impl<B: BorrowMut<[Trace]>> State<B> {
         traces.borrow_mut().fill(Trace::EMPTY);
         Self {
             course: Course::default(),
+            rival: Rival::default(),
             traces,
         }
     }
@@ -169,6 +202,7 @@ impl<B: BorrowMut<[Trace]>> State<B> {
     pub fn reset(&mut self) {
         self.traces.borrow_mut().fill(Trace::EMPTY);
         self.course = Course::default();
+        self.rival = Rival::default();
     }
 }
 
@@ -177,14 +211,14 @@ impl<const N: usize> State<[Trace; N]> {
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            course: Course {
-                is_tracking: false,
-                poor: 0,
-                blank: 0,
-                seed: 0,
-                first: 0,
-                turn: 0,
-                next: 0,
+            course: Course::NEW,
+            rival: Rival {
+                course: Course::NEW,
+                is_running: false,
+                age: 0,
+                wait: 0,
+                waits: 0,
+                short: 0,
             },
             traces: [Trace::EMPTY; N],
         }

@@ -134,9 +134,8 @@ impl Seed {
     /// How many other fours match it: another group, or itself turned over.
     fn wrong_matches(&self, points: &[(usize, DVec3)]) -> usize {
         let [ab, ac, bc, ad, bd, cd, tolerance, volume] = self.numbers.map(f64::from);
-        let holds = |a: DVec3, b: DVec3, distance: f64| {
-            (a.distance(b) - distance).abs() <= tolerance
-        };
+        let holds =
+            |a: DVec3, b: DVec3, distance: f64| (a.distance(b) - distance).abs() <= tolerance;
         let mut count = 0;
         for &(a, pa) in points {
             for &(b, pb) in points.iter().filter(|(_, p)| holds(pa, *p, ab)) {
