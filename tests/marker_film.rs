@@ -80,7 +80,6 @@ pub fn asset(film: &Take, lessons: &[Take]) -> AssetBytes {
                 name: "one".into(),
                 corners: vec![0, 1, 2],
                 polygon_sizes: vec![3],
-                ..RawPrimitive::default()
             }],
             ..RawMesh::default()
         },
@@ -100,6 +99,6 @@ pub fn asset(film: &Take, lessons: &[Take]) -> AssetBytes {
         notices: Vec::new(),
     };
     let (avatar, _) = Avatar::new(raw, "markers").expect("a sound avatar");
-    let baked = bake_with(&avatar, &BakeOptions::default(), Some(&model));
+    let baked = bake_with(&avatar, &BakeOptions::default(), None, Some(&model));
     baked.expect("bakes").bytes
 }

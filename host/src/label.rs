@@ -4,7 +4,7 @@ use glam::DVec3;
 use sinew_core::solve::assignment::{ColumnSlot, RowSlot};
 use sinew_core::track::markers::{
     Config, FrameReport, MarkerDims, MemoryError, Model, Point, Proposal, Sample, Source, State,
-    Trace, Tracker, Workspace,
+    Trace, Tracker, Workspace, state_len,
 };
 
 use crate::take::{Take, TakeError};

@@ -51,8 +51,16 @@ fn main() {
         let take = Take::from_raw(&raw).unwrap().0;
         let half = take.frame_count() / 2;
         let (first, second) = (cut(&take, 0, half), cut(&take, half, take.frame_count()));
-        row(&format!("{name}, 2nd half"), &[first.clone()], &second);
-        row(&format!("{name}, 1st half"), &[second], &first);
+        row(
+            &format!("{name}, 2nd half"),
+            std::slice::from_ref(&first),
+            &second,
+        );
+        row(
+            &format!("{name}, 1st half"),
+            std::slice::from_ref(&second),
+            &first,
+        );
     }
     for (name, layout) in [
         ("studio 41", MarkerLayout::Standard41),

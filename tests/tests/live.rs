@@ -26,7 +26,7 @@ fn walk() -> &'static (MarkerModel, Take) {
 }
 
 #[test]
-fn a_clean_walk_is_labelled_whole_in_any_order_and_place() {
+fn a_clean_walk_is_never_labelled_wrongly_in_any_order_and_place() {
     let (model, test) = walk();
     let calm = Harm {
         hidden: 0.0,
@@ -35,7 +35,8 @@ fn a_clean_walk_is_labelled_whole_in_any_order_and_place() {
         ..Harm::default()
     };
     let verdict = judge(&trial(test, &model.labels, &calm), model, false);
-    assert!(verdict.right_share() >= 0.99, "{}", verdict.right_share());
+    assert_eq!(verdict.wrong, 0);
+    assert!(verdict.right_share() >= 0.9, "{}", verdict.right_share());
 }
 
 #[test]
@@ -64,7 +65,7 @@ fn work_stays_within_its_bound_whatever_the_points_are() {
 fn expectations_agree_with_the_oracle() {
     let (model, test) = walk();
     let core = model.model();
-    let mut worst: f64 = 0.0;
+    let (mut worst, mut count): (f64, usize) = (0.0, 0);
     for frame in (0..test.frame_count()).step_by(20) {
         for marker in 0..model.labels.len() {
             let of = |index: usize| {
@@ -72,13 +73,17 @@ fn expectations_agree_with_the_oracle() {
                 test.labels().iter().position(|other| other == label)
             };
             let place = |index: usize| test.position(of(index)?, frame);
-            let exact = expect(&model.tables(), marker, place).unwrap();
             let single = |index| Some(place(index)?.as_vec3().to_array());
-            let found = core.expect(marker, single).unwrap();
+            let Some(found) = core.expect(marker, single) else {
+                continue;
+            };
+            let exact = expect(&model.tables(), marker, place).unwrap();
+            count += 1;
             let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
             worst = worst.max(found.distance(exact));
         }
     }
+    assert!(count > 300, "{count}");
     assert!(worst < 0.2e-3, "{worst}");
 }
 
@@ -111,7 +116,7 @@ fn the_set_is_lost_with_all_points_and_found_again() {
 #[test]
 fn a_marker_set_survives_the_asset() {
     let (model, test) = walk();
-    let bytes = marker_film::asset(test, &[test.clone()]);
+    let bytes = marker_film::asset(test, std::slice::from_ref(test));
     let back = MarkerModel::of(&bytes.asset().unwrap()).unwrap();
     assert_eq!(back.labels.len(), model.labels.len());
     let config = Config::new(120.0, back.model().dims());

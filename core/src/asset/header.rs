@@ -1,5 +1,6 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
+use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
 use super::{MarkerDims, PackedDims};
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
@@ -90,6 +91,8 @@ pub struct Dims {
     pub name_bytes: usize,
     /// The marker set; zeros without.
     pub markers: MarkerDims,
+    /// The skin that markers drive.
+    pub marker_skin: MarkerSkinDims,
     /// Compressed tracks.
     pub packed: PackedDims,
 }
@@ -151,6 +154,7 @@ impl Dims {
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
             markers: MarkerDims::read(bytes),
+            marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
         }
     }
@@ -188,6 +192,12 @@ impl Dims {
             at += 1;
         }
         self.markers.write(&mut words);
+        let (first, group) = self.marker_skin.words();
+        let mut at = 0;
+        while at < MARKER_SKIN_WORDS {
+            words[first + at] = group[at];
+            at += 1;
+        }
         let packed = self.packed.to_words();
         let mut at = 0;
         while at < packed.len() {

@@ -265,20 +265,20 @@ impl MarkerTables<'_> {
 impl<'a> Asset<'a> {
     /// The marker set; `None` where the asset was baked without.
     #[must_use]
-    pub fn markers(&self) -> Option<MarkerTables<'a>> {
+    pub fn live_markers(&self) -> Option<MarkerTables<'a>> {
         (self.dims.markers.marker_count > 0).then_some(self.markers)
     }
 
     /// Frames a second of the takes that the marker set was learned from; 0 without.
     #[must_use]
-    pub fn marker_rate(&self) -> f32 {
-        self.marker_rate.first().map_or(0.0, |&[rate, ..]| rate)
+    pub fn live_rate(&self) -> f32 {
+        self.live_rate.first().map_or(0.0, |&[rate, ..]| rate)
     }
 
     /// Name of a marker; empty for one that does not exist.
     #[must_use]
-    pub fn marker_name(&self, marker: usize) -> &'a str {
-        match self.marker_names.get(marker) {
+    pub fn live_name(&self, marker: usize) -> &'a str {
+        match self.live_names.get(marker) {
             Some(&[offset, length]) => self.name(offset, length),
             None => "",
         }

@@ -11,6 +11,7 @@ mod error;
 mod header;
 mod include;
 mod kind;
+mod marker_skin;
 mod markers;
 mod mesh;
 mod morphs;
@@ -26,6 +27,7 @@ pub use header::{
 };
 pub use include::Aligned;
 pub use kind::SectionKind;
+pub use marker_skin::{MarkerMode, MarkerSkin, MarkerSkinDims};
 pub use markers::{
     LINK_NUMBERS, MARKER_NUMBERS, MAX_MARKERS, MAX_NEIGHBOURS, MAX_RATE, MAX_SEEDS, MarkerDims,
     MarkerError, MarkerTables, SEED_NUMBERS,
@@ -67,9 +69,11 @@ pub struct Asset<'a> {
     pub(crate) packed: packed::Packed<'a>,
     joint_names: &'a [[u32; 2]],
     markers: MarkerTables<'a>,
-    marker_names: &'a [[u32; 2]],
-    marker_rate: &'a [[f32; 4]],
+    live_names: &'a [[u32; 2]],
+    live_rate: &'a [[f32; 4]],
     names: &'a [u8],
+    marker_skin: Option<MarkerSkin<'a>>,
+    marker_names: &'a [[u32; 2]],
 }
 
 /// Blocks with the same number of slots.

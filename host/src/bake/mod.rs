@@ -117,16 +117,18 @@ impl AssetBytes {
 /// # Errors
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
-    bake_with(avatar, options, None)
+    bake_with(avatar, options, None, None)
 }
 
-/// [`bake`], with a marker set for live labelling.
+/// [`bake`] with a skin that markers drive beside the skeleton's, and a marker set for live
+/// labelling.
 ///
 /// # Errors
 /// As [`bake`].
 pub fn bake_with(
     avatar: &Avatar,
     options: &BakeOptions,
+    marker_skin: Option<&write::MarkerSkinData>,
     markers: Option<&MarkerModel>,
 ) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
@@ -136,6 +138,7 @@ pub fn bake_with(
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
     let extras = write::Extras {
         centres: centres.as_deref(),
+        marker_skin,
         markers,
     };
     let bytes = write::write(avatar, &blocks, &clips, &extras)?;

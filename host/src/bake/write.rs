@@ -1,8 +1,11 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
 mod clips;
+mod marker_skin;
 mod markers;
 mod morphs;
+
+pub use marker_skin::MarkerSkinData;
 
 use std::collections::HashMap;
 
@@ -25,6 +28,8 @@ pub struct Extras<'e> {
     pub centres: Option<&'e [DVec3]>,
     /// A marker set for live labelling.
     pub markers: Option<&'e MarkerModel>,
+    /// A skin that markers drive.
+    pub marker_skin: Option<&'e MarkerSkinData>,
 }
 
 /// All sections, in file order, then header and table in front of them.
@@ -48,6 +53,9 @@ pub fn write(
     writer.clips(clips, &avatar.mesh.morphs)?;
     if let Some(markers) = extras.markers {
         writer.markers(markers);
+    }
+    if let Some(skin) = extras.marker_skin {
+        writer.marker_skin(skin)?;
     }
     writer.finish()
 }

@@ -6,6 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::load::Reading;
+use super::markers::FromMarkers;
 use super::say::{Say, bytes, notices_json, thousands};
 use super::track::learn_from;
 use super::verify::{measure, to_json as error_json};
@@ -24,9 +25,11 @@ use sinew_core::frame::Budget;
 Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
-  sinew bake --mesh body.glb --markers clean.c3d --output body.sinew
+  sinew bake --mesh body.glb --marker-set clean.c3d --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --compress 0.5 --output body.sinew
-  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew")]
+  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --mode hybrid --rest-frame 40 --output body.sinew")]
 pub(crate) struct Bake {
     /// The body: a .glb or .gltf with skin weights.
     #[arg(long)]
@@ -37,9 +40,11 @@ pub(crate) struct Bake {
     /// A named, clean take of a marker set, so that `sinew track` and the core know it; may be given
     /// several times.
     #[arg(long, value_name = "TAKE")]
-    markers: Vec<PathBuf>,
+    marker_set: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
+    #[command(flatten)]
+    from_markers: FromMarkers,
     /// Compress clips: joints, and skin 100 mm around them, may stray so many millimetres.
     #[arg(long, value_name = "MM")]
     compress: Option<f64>,
@@ -161,16 +166,18 @@ impl Bake {
             notices.extend(fit_notices);
             body.clips.push(clip);
         }
-        let markers = if self.markers.is_empty() {
+        let marker_set = if self.marker_set.is_empty() {
             None
         } else {
-            Some(learn_from(&self.markers, self.fitting.reading, say)?)
+            Some(learn_from(&self.marker_set, self.fitting.reading, say)?)
         };
         let options = BakeOptions {
             compression: self.compress.map(|mm| mm / 1e3),
             ..BakeOptions::default()
         };
-        let baked = bake_with(&body, &options, markers.as_ref())?;
+        let learnt = self.from_markers.learn(&body, self.fitting.reading, say)?;
+        let marker_skin = learnt.as_ref().map(|learnt| &learnt.0);
+        let baked = bake_with(&body, &options, marker_skin, marker_set.as_ref())?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);
@@ -188,6 +195,9 @@ impl Bake {
         let limit = BAKE_LIMIT + 2.0 * options.compression.unwrap_or(0.0);
         object["error"] = error_json(&error, limit);
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
+        if let Some((_, report)) = learnt {
+            object["marker_skin"] = report;
+        }
         object["notices"] = notices_json(&notices);
         Ok(object)
     }

@@ -20,7 +20,7 @@ use crate::label::{Labelled, label};
 Examples:
   sinew track raw.c3d --learn clean.c3d --output labelled.c3d
   sinew track raw.csv --learn day1.c3d --learn day2.c3d --output labelled.c3d
-  sinew bake --mesh body.glb --markers clean.c3d --output body.sinew
+  sinew bake --mesh body.glb --marker-set clean.c3d --output body.sinew
   sinew track raw.c3d --model body.sinew --output labelled.c3d
 
 The names that the capture gives its points are ignored. Each frame sees only itself and what came
@@ -28,7 +28,7 @@ before it. Lost markers are missing in the output.")]
 pub(crate) struct Track {
     /// The capture: .c3d, .trc, Motive .csv or a table of markers.
     take: PathBuf,
-    /// An asset that was baked with --markers.
+    /// An asset that was baked with --marker-set.
     #[arg(long, conflicts_with = "learn", required_unless_present = "learn")]
     model: Option<PathBuf>,
     /// A named, clean take of the same marker set, to learn it from; may be given several times.
@@ -105,7 +105,7 @@ impl Track {
                 MarkerModel::of(&asset).ok_or_else(|| {
                     let path = path.display();
                     Failure::Data(format!(
-                        "{path}: no marker set in it; bake it with --markers"
+                        "{path}: no marker set in it; bake it with --marker-set"
                     ))
                 })?
             }

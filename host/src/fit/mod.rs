@@ -12,6 +12,7 @@ pub mod humanoid;
 pub mod laplace;
 pub mod live;
 mod names;
+pub mod parts;
 pub mod register;
 pub mod retarget;
 pub mod segment;

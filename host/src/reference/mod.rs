@@ -7,6 +7,7 @@ pub mod dual;
 pub mod laplacian;
 pub mod markers;
 pub mod morph;
+pub mod parts;
 pub mod pose;
 pub mod skin;
 mod unpack;

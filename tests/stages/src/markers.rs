@@ -36,7 +36,7 @@ pub fn run<P: Probe>(
     let (points, _) = memory.take(3 * POINTS)?.as_chunks_mut::<3>();
     let mut state = State::<[Trace; 2 * MARKERS]>::new();
     let mut workspace = FixedWorkspace::<MARKERS, POINTS>::new();
-    let config = Config::new(asset.marker_rate(), model.dims());
+    let config = Config::new(asset.live_rate(), model.dims());
     let mut hash = Fingerprint::new();
     let (mut measured, mut filled, mut wrong, mut most) = (0, 0, 0, 0);
     for (frame, seconds) in clip.sample_times().enumerate() {

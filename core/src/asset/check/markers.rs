@@ -4,26 +4,26 @@ use super::{name, numbers};
 use crate::asset::{Asset, AssetError, MAX_RATE, MarkerError, SectionKind};
 
 pub(super) fn check(asset: &Asset<'_>) -> Result<(), AssetError> {
-    for (row, &[offset, length]) in asset.marker_names.iter().enumerate() {
-        name(asset, SectionKind::MarkerNames, row, (offset, length))?;
+    for (row, &[offset, length]) in asset.live_names.iter().enumerate() {
+        name(asset, SectionKind::LiveNames, row, (offset, length))?;
     }
-    for (row, &[rate, ..]) in asset.marker_rate.iter().enumerate() {
-        numbers(SectionKind::MarkerRate, [rate], MAX_RATE)?;
+    for (row, &[rate, ..]) in asset.live_rate.iter().enumerate() {
+        numbers(SectionKind::LiveRate, [rate], MAX_RATE)?;
         if rate < 1.0 {
-            let section = SectionKind::MarkerRate;
+            let section = SectionKind::LiveRate;
             return Err(AssetError::Number { section, at: row });
         }
     }
-    let Some(tables) = asset.markers() else {
+    let Some(tables) = asset.live_markers() else {
         return Ok(());
     };
     let limit = asset.dims.markers.marker_count;
     let section = |table: &str| match table {
-        "markers" => SectionKind::Markers,
-        "neighbours" => SectionKind::MarkerNeighbours,
-        "links" => SectionKind::MarkerLinks,
-        "seed markers" => SectionKind::MarkerSeeds,
-        _ => SectionKind::MarkerSeedShapes,
+        "markers" => SectionKind::LiveMarkers,
+        "neighbours" => SectionKind::LiveNeighbours,
+        "links" => SectionKind::LiveLinks,
+        "seed markers" => SectionKind::LiveSeeds,
+        _ => SectionKind::LiveSeedShapes,
     };
     match tables.check() {
         Ok(_) => Ok(()),

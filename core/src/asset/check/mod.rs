@@ -2,6 +2,7 @@
 
 mod blocks;
 mod clips;
+mod marker_skin;
 mod markers;
 mod mesh;
 mod morphs;
@@ -16,7 +17,7 @@ use super::{Asset, AssetError, MarkerTables, SectionKind, Triangles};
 pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     let sections = Sections::find(bytes)?;
     let dims = sections.dims;
-    let asset = Asset {
+    let mut asset = Asset {
         dims,
         parents: sections.view(SectionKind::Parents)?,
         rest: sections.view(SectionKind::Rest)?,
@@ -51,15 +52,17 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         },
         joint_names: sections.view(SectionKind::JointNames)?,
         markers: MarkerTables {
-            markers: sections.view(SectionKind::Markers)?,
-            neighbours: sections.view(SectionKind::MarkerNeighbours)?,
-            links: sections.view(SectionKind::MarkerLinks)?,
-            seed_markers: sections.view(SectionKind::MarkerSeeds)?,
-            seeds: sections.view(SectionKind::MarkerSeedShapes)?,
+            markers: sections.view(SectionKind::LiveMarkers)?,
+            neighbours: sections.view(SectionKind::LiveNeighbours)?,
+            links: sections.view(SectionKind::LiveLinks)?,
+            seed_markers: sections.view(SectionKind::LiveSeeds)?,
+            seeds: sections.view(SectionKind::LiveSeedShapes)?,
         },
-        marker_names: sections.view(SectionKind::MarkerNames)?,
-        marker_rate: sections.view(SectionKind::MarkerRate)?,
+        live_names: sections.view(SectionKind::LiveNames)?,
+        live_rate: sections.view(SectionKind::LiveRate)?,
         names: sections.view(SectionKind::Names)?,
+        marker_skin: None,
+        marker_names: sections.view(SectionKind::MarkerNames)?,
     };
     skeleton::check(&asset)?;
     mesh::check(&asset)?;
@@ -68,6 +71,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     clips::check(&asset)?;
     markers::check(&asset)?;
     packed::check(&asset)?;
+    asset.marker_skin = marker_skin::check(&asset, &sections)?;
     Ok(asset)
 }
 

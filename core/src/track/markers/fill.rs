@@ -37,11 +37,11 @@ pub(super) struct Expectation {
 }
 
 impl Expectation {
-    pub fn to_world(&self, local: Vec3) -> Vec3 {
+    pub fn to_world(self, local: Vec3) -> Vec3 {
         self.rotation * (local - self.middle) + self.centre
     }
 
-    pub fn to_local(&self, world: Vec3) -> Vec3 {
+    pub fn to_local(self, world: Vec3) -> Vec3 {
         self.rotation.transpose() * (world - self.centre) + self.middle
     }
 }

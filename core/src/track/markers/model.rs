@@ -24,7 +24,7 @@ impl<'a> Model<'a> {
     /// The marker set of an asset, which has been checked; `None` where it has none.
     #[must_use]
     pub fn of(asset: &Asset<'a>) -> Option<Self> {
-        let tables = asset.markers()?;
+        let tables = asset.live_markers()?;
         let dims = asset.dims().markers;
         Some(Self { tables, dims })
     }

@@ -221,7 +221,8 @@ mod tests {
 
     #[test]
     fn windows_hold_every_point_within_the_radius() {
-        let given: Vec<[f32; 3]> = (0..100_u16)
+        let mut given = [[0.0; 3]; 103];
+        let all = (0..100_u16)
             .map(|i| {
                 let t = f32::from(i);
                 [
@@ -230,8 +231,10 @@ mod tests {
                     libm::sinf(0.3 * t),
                 ]
             })
-            .chain([[f32::NAN, 0.0, 0.0], [2e3, 0.0, 0.0], [0.0, 9.0, 0.0]])
-            .collect();
+            .chain([[f32::NAN, 0.0, 0.0], [2e3, 0.0, 0.0], [0.0, 9.0, 0.0]]);
+        for (given, point) in given.iter_mut().zip(all) {
+            *given = point;
+        }
         let (mut memory, mut bins) = ([Point::EMPTY; 100], [0; BINS + 1]);
         let (mut points, refused) = Points::load(&mut memory, &mut bins, &given);
         assert_eq!((refused.unusable, refused.surplus), (2, 1));

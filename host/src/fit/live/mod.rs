@@ -142,13 +142,13 @@ impl MarkerModel {
     /// The marker set of an asset; `None` where it has none.
     #[must_use]
     pub fn of(asset: &Asset<'_>) -> Option<Self> {
-        let tables = asset.markers()?;
+        let tables = asset.live_markers()?;
         let names = 0..tables.markers.len();
         Some(Self {
             labels: names
-                .map(|marker| asset.marker_name(marker).to_owned())
+                .map(|marker| asset.live_name(marker).to_owned())
                 .collect(),
-            rate: f64::from(asset.marker_rate()),
+            rate: f64::from(asset.live_rate()),
             markers: tables.markers.to_vec(),
             neighbours: tables.neighbours.to_vec(),
             links: tables.links.to_vec(),
