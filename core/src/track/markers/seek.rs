@@ -12,10 +12,10 @@ use super::state::{NONE, Proposal, Trace};
 const ROUNDS: usize = 32;
 /// Square deviation that a distance may have on average.
 const FIT: f32 = 4.0;
-/// Evidence needed. The second figure is for when nothing surer is left.
-const EVIDENCE: [f32; 2] = [4000.0, 500.0];
+/// Evidence needed; the later figures are for when nothing surer is left.
+const EVIDENCE: [f32; 3] = [20_000.0, 4000.0, 500.0];
 /// A second choice must cost this much more.
-const CLEAR: [f32; 2] = [9.0, 4.0];
+const CLEAR: [f32; 3] = [9.0, 9.0, 4.0];
 
 impl Frame<'_, '_> {
     /// Whether a marker may be anywhere: its fill is bad, was never confirmed, or is old.
@@ -44,12 +44,16 @@ impl Frame<'_, '_> {
                 return;
             }
             // The surest way first; back to it after every find.
+            // Groups that nothing leads to cost most: they get half of what is left.
+            let left = budget.saturating_sub(self.points.work);
+            let half = self.points.work.saturating_add(left / 2);
             let found = match step {
                 0 => self.complete(2, false, budget),
-                1 => anywhere && self.complete(0, false, budget),
-                2 => self.propose(budget, 0),
+                1 => self.propose(budget, 0),
+                2 => anywhere && self.complete(0, false, half),
                 3 => self.propose(budget, 1),
-                4 => anywhere && self.complete(0, true, budget),
+                4 => self.propose(budget, 2),
+                5 => anywhere && self.complete(0, true, half),
                 _ => return,
             };
             step = if found { 0 } else { step + 1 };
@@ -74,7 +78,7 @@ impl Frame<'_, '_> {
     }
 
     /// Every lost marker looks at the free points around its most rigid found neighbour; pairs that
-    /// agree are made. Whether there was one. `late`: 0, or 1 with less evidence.
+    /// agree are made. Whether there was one. `late`: 0, or up to 2 with less evidence.
     fn propose(&mut self, budget: u32, late: usize) -> bool {
         for point in self.points.all_mut() {
             (point.best, point.cost, point.second) = (NONE, f32::MAX, f32::MAX);
@@ -87,7 +91,7 @@ impl Frame<'_, '_> {
             if self.points.work >= budget {
                 break;
             }
-            if evidence(self.model, self.traces, marker) < EVIDENCE[late & 1] {
+            if evidence(self.model, self.traces, marker) < EVIDENCE[late.min(2)] {
                 continue;
             }
             let found = |(index, _): &(usize, _)| self.trace(*index).is_measured();
@@ -143,7 +147,7 @@ impl Frame<'_, '_> {
                 *slot = proposal;
             }
         }
-        self.agree(CLEAR[late & 1])
+        self.agree(CLEAR[late.min(2)])
     }
 
     /// Makes the pairs that agree by a margin; whether there was one.
