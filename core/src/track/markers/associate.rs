@@ -17,6 +17,10 @@ pub(super) const CAP: f32 = 25.0;
 /// Most by which a fill is off beyond its own deviation, metres, and the seconds to half of it.
 const UNKNOWN: f32 = 0.02;
 const HALF: f32 = 0.15;
+/// And at most this share of the distance to the nearest neighbour.
+const WITHIN: f32 = 0.3;
+/// Weight of what the distances say against a place after a long gap: the pose is then perhaps new.
+const STALE: f32 = 0.15;
 /// Distances that vary by more than this many metres say little, and much the same.
 pub(super) const LOOSE: f32 = 0.015;
 /// Steps that a frame's assignment may take, a marker.
@@ -41,7 +45,7 @@ impl Frame<'_, '_> {
     }
 
     /// Variance of a coordinate of a marker that takes part, square metres.
-    fn variance(&self, who: Who, trace: &Trace) -> Option<f32> {
+    fn variance(&self, who: Who, marker: usize, trace: &Trace) -> Option<f32> {
         let jerk = self.pace.jerk;
         if !trace.is_placed || trace.is_measured() {
             return None;
@@ -51,8 +55,12 @@ impl Frame<'_, '_> {
         }
         // In poses that were not learned a fill is off by more than it knows.
         let seconds = f32::from(trace.gap) * self.pace.step;
-        let unknown = if trace.streak_before > 0 {
-            UNKNOWN * seconds / (seconds + HALF)
+        let unknown = if trace.streak_before > 0 || trace.gap > self.pace.old {
+            // Never so far that a neighbour's place is within reach.
+            let spacing = self.model.links(marker).map(|(_, link)| link.distance());
+            let spacing = spacing.fold(f32::MAX, f32::min);
+            let unknown = UNKNOWN * seconds / (seconds + HALF) * (1.0 + seconds.min(0.5));
+            unknown.min(WITHIN * spacing)
         } else {
             0.0
         };
@@ -67,7 +75,7 @@ impl Frame<'_, '_> {
         let mut any = false;
         for marker in 0..self.traces.len() {
             let trace = self.trace(marker);
-            let Some(variance) = self.variance(who, &trace) else {
+            let Some(variance) = self.variance(who, marker, &trace) else {
                 continue;
             };
             let unsure = 3.0 * rough_ln((variance * unit).max(1.0));
@@ -100,7 +108,12 @@ impl Frame<'_, '_> {
                     let position = self.points.at(usize::from(at)).position;
                     let (against, _) =
                         contradiction(self.model, self.traces, marker, position, NONE);
-                    cost += 0.5 * against;
+                    let weight = if trace.gap > self.pace.old {
+                        STALE
+                    } else {
+                        0.5
+                    };
+                    cost += weight * against;
                 }
                 problem.offer(marker, at, cost);
             }
