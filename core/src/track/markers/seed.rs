@@ -143,6 +143,15 @@ impl Frame<'_, '_> {
             if self.course.turn >= self.model.dims().seed_count {
                 self.course.turn = 0;
             }
+            let markers = self
+                .model
+                .seed(self.course.turn)
+                .map(|(markers, _)| markers);
+            let mut markers = markers.unwrap_or_default().into_iter().map(usize::from);
+            let traces = &*self.traces;
+            if !markers.any(|marker| traces.get(marker).is_some_and(|trace| self.is_lost(trace))) {
+                continue;
+            }
             let Some(seed) = self.seed(self.course.turn) else {
                 continue;
             };
