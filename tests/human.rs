@@ -29,7 +29,7 @@ pub fn body() -> Avatar {
 /// When the bundled files are absent or no longer fit.
 #[must_use]
 pub fn asset() -> AssetBytes {
-    let baked = bake(&moving_body(), &BakeOptions::default());
+    let baked = bake(&avatar(), &BakeOptions::default());
     baked.expect("bakes").bytes
 }
 
@@ -71,7 +71,7 @@ pub fn small_asset_of_every_mode() -> AssetBytes {
 }
 
 fn small_body() -> Avatar {
-    let mut body = moving_body();
+    let mut body = avatar();
     body.clips.truncate(1);
     body.skin.limit(4);
     let simple = simplify(&body, 2000);
@@ -79,8 +79,12 @@ fn small_body() -> Avatar {
     body
 }
 
-/// The body with its walk and kneel.
-fn moving_body() -> Avatar {
+/// The body with its walk and kneel, before baking.
+///
+/// # Panics
+/// When the bundled files are absent or no longer fit.
+#[must_use]
+pub fn avatar() -> Avatar {
     let read = |name: &str| fs::read(root().join("examples/data").join(name)).expect(name);
     let mut body = body();
     for name in ["walk", "kneel"] {

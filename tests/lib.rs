@@ -14,6 +14,8 @@ pub mod hidden;
 pub mod human;
 pub mod laplacian;
 pub mod limb;
+pub mod live;
+pub mod marker_film;
 
 use std::path::{Path, PathBuf};
 

@@ -5,7 +5,7 @@
 //! | [`asset`] | bytes | typed views, checked once |
 //! | [`pose`] | a clip and a time, or a caller's pose | joint matrices |
 //! | [`solve`] | a factored sparse system; an assignment | its solution |
-//! | [`track`] | unlabelled points | markers in order, without gaps |
+//! | [`track`] | unlabelled points | a body's or a rope's markers, without gaps |
 //! | [`deform`] | joint matrices | vertices, in blocks of eight |
 //! | [`frame`] | input and budget | a whole frame and a report |
 //!

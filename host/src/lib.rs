@@ -15,6 +15,7 @@
 //! | [`mod@reference`] | a body or an asset | what the core should compute, in `f64` |
 //! | [`studio`] | a body and a seed | virtual captures with the truth beside them |
 //! | [`live`] | datagrams | motion as it arrives, poses of a body |
+//! | [`label`] | unlabelled points and a marker model | what the core labels and fills |
 //! | [`play`], [`verify`] | an asset and motion | what the core computes, and how far off it is |
 //! | [`film`], [`export`] | validated values, frames | pictures, files that other programs read |
 //! | [`cli`] | a command line | all of it |
@@ -30,6 +31,7 @@ pub mod film;
 pub mod fit;
 pub mod import;
 pub mod live;
+pub mod label;
 pub mod model;
 pub mod play;
 pub mod reference;

@@ -1,160 +1,144 @@
-//! Streams over loopback: what a bad network does to them, and what hostile datagrams do.
+//! Live marker labelling: learned by the host, run by the core, judged by what was known.
 
-use std::net::{SocketAddr, UdpSocket};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::sync::OnceLock;
 
-use sinew_host::import::read_bvh;
-use sinew_host::live::replay::{Faults, Network, Performer};
-use sinew_host::live::session::{Receiver, VmcSession};
-use sinew_host::live::{points, vmc};
-use sinew_host::model::Motion;
-use sinew_host::reference::unpack;
-use sinew_tests::{Random, human, root};
+use glam::DVec3;
+use sinew_core::track::markers::{Config, Phase, Source, work_bound};
+use sinew_host::fit::live::{LearnError, LearnOptions, MarkerModel, learn};
+use sinew_host::label::{Labeller, label};
+use sinew_host::reference::markers::expect;
+use sinew_host::studio::MarkerLayout;
+use sinew_host::take::Take;
+use sinew_tests::live::{Harm, cut, judge, trial};
+use sinew_tests::marker_film::{self, truth};
+use sinew_tests::{Random, human};
 
-const RATE: f64 = 120.0;
-
-fn walk() -> Motion {
-    let bytes = std::fs::read(root().join("examples/data/walk.bvh")).expect("walk.bvh");
-    let raw = read_bvh(&bytes, "walk.bvh").expect("a motion");
-    Motion::new(raw, "walk.bvh").expect("a sound motion").0
-}
-
-/// Sends `seconds` of the walk from a thread of its own.
-fn send(to: SocketAddr, seconds: f64, faults: Faults) -> thread::JoinHandle<usize> {
-    let performer = Performer::new(&walk()).expect("a human's motion");
-    thread::spawn(move || {
-        let socket = UdpSocket::bind(("127.0.0.1", 0)).expect("a socket");
-        let mut network = Network::new(faults, 5);
-        let began = Instant::now();
-        let frames = (seconds * RATE) as u32;
-        let mut sent = 0;
-        for frame in 0..frames {
-            let due = f64::from(frame) / RATE;
-            thread::sleep(Duration::from_secs_f64(due).saturating_sub(began.elapsed()));
-            for datagram in network.send(vmc::write(&performer.packet(due))) {
-                sent += usize::from(socket.send_to(&datagram, to).is_ok());
-            }
-        }
-        sent
+/// A set of 53 learned from three seconds of walking, and the second after them.
+fn walk() -> &'static (MarkerModel, Take) {
+    static WALK: OnceLock<(MarkerModel, Take)> = OnceLock::new();
+    WALK.get_or_init(|| {
+        let body = human::avatar();
+        let film = truth(&body, &body.clips[0], MarkerLayout::Standard53, 120.0, 5.0);
+        let (lesson, test) = (cut(&film, 0, 400), cut(&film, 400, film.frame_count()));
+        let model = learn(&[lesson], &LearnOptions::default(), &|| ()).unwrap();
+        (model, test)
     })
 }
 
-fn session(record: bool) -> VmcSession {
-    let receiver = Receiver::bind(([127, 0, 0, 1], 0).into()).expect("a port");
-    let asset = human::asset();
-    let body = unpack(&asset.asset().expect("sound"));
-    VmcSession::new(receiver, body.skeleton, Vec::new(), record)
-}
-
 #[test]
-fn a_lossy_stream_moves_the_body_and_is_recorded() {
-    let mut session = session(true);
-    let to = session.receiver.address().expect("an address");
-    let faults = Faults {
-        lost: 0.05,
-        doubled: 0.05,
-        swapped: 0.05,
+fn a_clean_walk_is_never_labelled_wrongly_in_any_order_and_place() {
+    let (model, test) = walk();
+    let calm = Harm {
+        hidden: 0.0,
+        ghosts: 0.0,
+        blanks: 0.0,
+        ..Harm::default()
     };
-    let sender = send(to, 2.0, faults);
-    let began = Instant::now();
-    let mut poses = 0;
-    while !sender.is_finished() || began.elapsed() < Duration::from_secs_f64(2.1) {
-        let pose = session.pose(Duration::from_millis(20)).expect("follows");
-        if let Some(pose) = pose {
-            assert!(pose.iter().all(|joint| joint.rotation.is_normalized()));
-            session.shown();
-            poses += 1;
-        }
-    }
-    let sent = sender.join().expect("sends");
-    let tally = &session.receiver.tally;
-    assert_eq!(tally.datagrams as usize, sent);
-    assert_eq!((tally.malformed, tally.restarts), (0, 0));
-    // Doubled datagrams and late ones are told apart from new ones.
-    assert!(
-        tally.more > 0 && tally.late > 0 && tally.lost > 0,
-        "{tally:?}"
-    );
-    assert!(poses > 60, "{poses} poses of {tally:?}");
-
-    let actor = session.actor().motion().expect("bound");
-    let recording = session.recording().expect("asked for");
-    let recorded = recording.motion(actor).expect("poses");
-    assert_eq!(recorded.skeleton.joints.len(), 23);
-    assert!((1.5..2.1).contains(&recorded.clip.duration));
-    // The actor's hips are where the sender had them.
-    let performer = Performer::new(&walk()).expect("a human's motion");
-    let hips = recorded.skeleton.find("Hips").expect("hips");
-    let local = sinew_host::reference::pose::sample(&recorded.skeleton, &recorded.clip, 0.0);
-    let near = (0..240).any(|frame| {
-        let packet = performer.packet(f64::from(frame) / RATE);
-        packet.bones[0].1.position.distance(local[hips].translation) < 1e-6
-    });
-    assert!(near, "{:?}", local[hips]);
+    let verdict = judge(&trial(test, &model.labels, &calm), model, false);
+    assert_eq!(verdict.wrong, 0);
+    assert!(verdict.right_share() >= 0.9, "{}", verdict.right_share());
 }
 
 #[test]
-fn hostile_datagrams_are_refused_or_read_and_never_end_the_program() {
-    let performer = Performer::new(&walk()).expect("a human's motion");
-    let packet = performer.packet(0.5);
-    let sound = vmc::write(&packet);
-    assert_eq!(vmc::read(&sound).expect("sound").bones.len(), 22);
-    let frame = points::Frame {
-        number: 1,
-        microseconds: 2,
-        points: vec![
-            points::Point {
-                marker: Some(1),
-                position: [0.0; 3]
+fn work_stays_within_its_bound_whatever_the_points_are() {
+    let (model, _) = walk();
+    let core = model.model();
+    let config = Config::new(120.0, core.dims());
+    let bound = work_bound(core.dims(), 80, config.search);
+    let mut labeller = Labeller::new(core, config, 80);
+    let (mut random, mut samples) = (Random(5), Vec::new());
+    for frame in 0..300 {
+        // Points close together, so that every search looks at all of them; some unusable.
+        let size = [0.05, 0.5, 2.0][frame % 3];
+        let points: Vec<[f32; 3]> = (0..frame % 100)
+            .map(|_| [(); 3].map(|()| (size * random.unit()) as f32))
+            .chain([[f32::NAN; 3], [1e9, 0.0, 0.0]])
+            .collect();
+        let report = labeller.step(&points, &mut samples).unwrap();
+        assert!(report.work <= bound, "{} > {bound}", report.work);
+        assert!(report.unusable == 2 || report.surplus > 0);
+        assert!(samples.iter().flat_map(|s| s.position).all(f32::is_finite));
+    }
+}
+
+#[test]
+fn expectations_agree_with_the_oracle() {
+    let (model, test) = walk();
+    let core = model.model();
+    let (mut worst, mut count): (f64, usize) = (0.0, 0);
+    for frame in (0..test.frame_count()).step_by(20) {
+        for marker in 0..model.labels.len() {
+            let of = |index: usize| {
+                let label = &model.labels[index];
+                test.labels().iter().position(|other| other == label)
             };
-            40
-        ],
-    };
-    let sound_points = points::write(&frame).expect("fits");
-    let mut random = Random(11);
-    for round in 0..100_000_usize {
-        let mut bytes = match round % 3 {
-            0 => sound.clone(),
-            1 => sound_points.clone(),
-            _ => (0..random.below(200))
-                .map(|_| random.bits() as u8)
-                .collect(),
-        };
-        for _ in 0..=random.below(6) {
-            if !bytes.is_empty() {
-                let at = random.below(bytes.len());
-                bytes[at] = random.bits() as u8;
-            }
-        }
-        bytes.truncate(random.below(bytes.len() + 1).max(bytes.len() * (round % 2)));
-        if let Ok(found) = vmc::read(&bytes) {
-            let finite = found.bones.iter().all(|(bone, placed)| {
-                *bone < vmc::BONES.len()
-                    && placed.position.is_finite()
-                    && placed.rotation.is_normalized()
-            });
-            assert!(finite, "round {round}");
-        }
-        if let Ok(found) = points::read(&bytes) {
-            let mut numbers = found.points.iter().flat_map(|point| point.position);
-            assert!(numbers.all(f32::is_finite), "round {round}");
+            let place = |index: usize| test.position(of(index)?, frame);
+            let single = |index| Some(place(index)?.as_vec3().to_array());
+            let Some(found) = core.expect(marker, single) else {
+                continue;
+            };
+            let exact = expect(&model.tables(), marker, place).unwrap();
+            count += 1;
+            let found = DVec3::new(found[0].into(), found[1].into(), found[2].into());
+            worst = worst.max(found.distance(exact));
         }
     }
+    assert!(count > 300, "{count}");
+    assert!(worst < 0.2e-3, "{worst}");
 }
 
 #[test]
-fn a_flood_of_malformed_datagrams_is_counted() {
-    let mut session = session(false);
-    let to = session.receiver.address().expect("an address");
-    let socket = UdpSocket::bind(("127.0.0.1", 0)).expect("a socket");
-    for _ in 0..50 {
-        socket.send_to(b"no bundle", to).expect("sends");
+fn the_set_is_lost_with_all_points_and_found_again() {
+    let (model, test) = walk();
+    let core = model.model();
+    let mut labeller = Labeller::new(core, Config::new(120.0, core.dims()), 64);
+    let mut samples = Vec::new();
+    let points = |frame: usize| -> Vec<[f32; 3]> {
+        test.seen(frame)
+            .map(|(_, p)| p.as_vec3().to_array())
+            .collect()
+    };
+    for frame in 0..20 {
+        labeller.step(&points(frame), &mut samples).unwrap();
     }
-    while session.receiver.tally.datagrams < 50 {
-        let pose = session.pose(Duration::from_millis(200)).expect("goes on");
-        assert_eq!(pose, None);
+    for _ in 0..60 {
+        labeller.step(&[], &mut samples).unwrap();
     }
-    assert_eq!(session.receiver.tally.malformed, 50);
-    assert!(session.receiver.last_error.is_some());
+    assert!(samples.iter().all(|sample| sample.source == Source::Lost));
+    let mut report = labeller.step(&points(80), &mut samples).unwrap();
+    for frame in 81..90 {
+        report = labeller.step(&points(frame), &mut samples).unwrap();
+    }
+    assert_eq!(report.phase, Phase::Tracking);
+    assert!(report.measured >= 50, "{report:?}");
+}
+
+#[test]
+fn a_marker_set_survives_the_asset() {
+    let (model, test) = walk();
+    let bytes = marker_film::asset(test, std::slice::from_ref(test));
+    let back = MarkerModel::of(&bytes.asset().unwrap()).unwrap();
+    assert_eq!(back.labels.len(), model.labels.len());
+    let config = Config::new(120.0, back.model().dims());
+    let labelled = label(test, &back.labels, back.model(), config, &|_| ()).unwrap();
+    assert_eq!(labelled.take.marker_count(), back.labels.len());
+    assert_eq!(labelled.reports.len(), test.frame_count());
+}
+
+#[test]
+fn takes_that_teach_nothing_are_refused() {
+    let still = |count: usize, frames: usize| {
+        let labels = (0..count).map(|i| format!("M{i}")).collect();
+        let paths = (0..count)
+            .flat_map(|i| vec![DVec3::X * i as f64; frames])
+            .collect();
+        Take::new(labels, 100.0, frames, paths).unwrap()
+    };
+    let refuse = |takes: &[Take]| learn(takes, &LearnOptions::default(), &|| ()).unwrap_err();
+    assert!(matches!(refuse(&[]), LearnError::Frames { .. }));
+    assert!(matches!(refuse(&[still(8, 5)]), LearnError::Frames { .. }));
+    assert!(matches!(
+        refuse(&[still(3, 99)]),
+        LearnError::Markers { .. }
+    ));
 }

@@ -343,7 +343,7 @@ fn baked(arm: &Arm, learnt: &Learnt, mode: Mode) -> AssetBytes {
         rig: learnt.rig.clone(),
         mode: learnt.mode(mode).clone(),
     };
-    let baked = bake_with(&arm.body, &BakeOptions::default(), Some(&skin));
+    let baked = bake_with(&arm.body, &BakeOptions::default(), Some(&skin), None);
     baked.expect("bakes").bytes
 }
 

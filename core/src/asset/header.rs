@@ -1,6 +1,6 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
-use super::PackedDims;
+use super::{MarkerDims, PackedDims};
 use super::bounds::BoundsDims;
 use super::laplacian::LaplacianDims;
 use super::levels::LevelDims;
@@ -103,6 +103,8 @@ pub struct Dims {
     pub name_bytes: usize,
     /// A surface that follows its joints as markers.
     pub laplacian: LaplacianDims,
+    /// The marker set; zeros without.
+    pub markers: MarkerDims,
     /// The skin that markers drive.
     pub marker_skin: MarkerSkinDims,
     /// Compressed tracks.
@@ -179,6 +181,7 @@ impl Dims {
                 bytes: count(bytes, 26),
                 source_count: count(bytes, 27),
             },
+            markers: MarkerDims::read(bytes),
             marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
         }
@@ -229,6 +232,7 @@ impl Dims {
             words[LAPLACIAN + at] = counts[at];
             at += 1;
         }
+        self.markers.write(&mut words);
         let (first, group) = self.marker_skin.words();
         at = 0;
         while at < MARKER_SKIN_WORDS {

@@ -1,6 +1,6 @@
 //! What sections there are, in which order they stand, and how long the counts make them.
 
-use super::Dims;
+use super::{Dims, LINK_NUMBERS, MARKER_NUMBERS, SEED_NUMBERS};
 
 /// What a section holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,6 +83,20 @@ pub enum SectionKind {
     PackedValues = u32::from_le_bytes(*b"KPVL"),
     /// `u32 [joints x 2]`: offset and bytes of each joint's name.
     JointNames = u32::from_le_bytes(*b"JNAM"),
+    /// `f32 [markers x 8]`: home, deviation, memory, zeros, see [`super::MarkerTables`].
+    LiveMarkers = u32::from_le_bytes(*b"TMRK"),
+    /// `u16 [markers x neighbours]`: most rigid first.
+    LiveNeighbours = u32::from_le_bytes(*b"TNBR"),
+    /// `f32 [markers x neighbours x 16]`: shape, weight, coefficients, distance, spread, zero.
+    LiveLinks = u32::from_le_bytes(*b"TLNK"),
+    /// `u16 [seeds x 4]`: markers.
+    LiveSeeds = u32::from_le_bytes(*b"TSED"),
+    /// `f32 [seeds x 8]`: six distances, tolerance, six times the volume.
+    LiveSeedShapes = u32::from_le_bytes(*b"TSHP"),
+    /// `u32 [markers x 2]`: offset and bytes of each marker's name.
+    LiveNames = u32::from_le_bytes(*b"TNAM"),
+    /// `f32 [4]`, or empty without markers: frames a second learned from, three zeros.
+    LiveRate = u32::from_le_bytes(*b"TRAT"),
     /// `f32 [markers x 3]`: rest positions of markers.
     MarkerRest = u32::from_le_bytes(*b"PRST"),
     /// `u32 [markers x 2]`: offset and bytes of each marker's name.
@@ -191,7 +205,7 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 90] = [
+    pub const ALL: [Self; 97] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -230,6 +244,13 @@ impl SectionKind {
         Self::PackedFrames,
         Self::PackedValues,
         Self::JointNames,
+        Self::LiveMarkers,
+        Self::LiveNeighbours,
+        Self::LiveLinks,
+        Self::LiveSeeds,
+        Self::LiveSeedShapes,
+        Self::LiveNames,
+        Self::LiveRate,
         Self::MarkerRest,
         Self::MarkerNames,
         Self::PartParents,
@@ -333,6 +354,14 @@ impl SectionKind {
             Self::PackedFrames => dims.packed.frame_count.checked_mul(2),
             Self::PackedValues => dims.packed.value_count.checked_mul(2),
             Self::JointNames => dims.joint_count.checked_mul(8),
+            Self::LiveMarkers => dims.markers.marker_count.checked_mul(4 * MARKER_NUMBERS),
+            Self::LiveNeighbours => dims.markers.link_count(2),
+            Self::LiveLinks => dims.markers.link_count(4 * LINK_NUMBERS),
+            Self::LiveSeeds => dims.markers.seed_count.checked_mul(8),
+            Self::LiveSeedShapes => dims.markers.seed_count.checked_mul(4 * SEED_NUMBERS),
+            Self::LiveNames => dims.markers.marker_count.checked_mul(8),
+            Self::LiveRate if dims.markers.marker_count == 0 => Some(0),
+            Self::LiveRate => Some(16),
             Self::Names => Some(dims.name_bytes),
             group => match self.laplacian_bytes(dims) {
                 Some(0) => {

@@ -15,6 +15,7 @@ mod kind;
 mod laplacian;
 mod levels;
 mod marker_skin;
+mod markers;
 mod mesh;
 mod morphs;
 mod packed;
@@ -36,6 +37,10 @@ pub use laplacian::{LaplacianDims, LaplacianSurface};
 pub use levels::LevelDims;
 pub(crate) use levels::Levels;
 pub use marker_skin::{MarkerMode, MarkerSkin, MarkerSkinDims};
+pub use markers::{
+    LINK_NUMBERS, MARKER_NUMBERS, MAX_MARKERS, MAX_NEIGHBOURS, MAX_RATE, MAX_SEEDS, MarkerDims,
+    MarkerError, MarkerTables, SEED_NUMBERS,
+};
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
 pub use packed::{PackedDims, PackedTrack, unpack_rotation};
@@ -74,6 +79,9 @@ pub struct Asset<'a> {
     key_values: &'a [f32],
     pub(crate) packed: packed::Packed<'a>,
     joint_names: &'a [[u32; 2]],
+    markers: MarkerTables<'a>,
+    live_names: &'a [[u32; 2]],
+    live_rate: &'a [[f32; 4]],
     names: &'a [u8],
     laplacian: laplacian::LaplacianView<'a>,
     pub(crate) shapes: Shapes<'a>,

@@ -212,5 +212,8 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     if let Some(index) = dims.laplacian.fault(dims.joint_count) {
         return fault(LAPLACIAN + index);
     }
+    if let Some(index) = dims.markers.fault() {
+        return fault(index);
+    }
     Ok(())
 }

@@ -16,6 +16,7 @@ pub mod write;
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
 
 use crate::fit::laplace::rig::{Rig, Tables};
+use crate::fit::live::MarkerModel;
 use crate::model::{Avatar, Mesh, Skin};
 use crate::simplify::{self, Simplified};
 use blocks::Blocks;
@@ -145,10 +146,11 @@ impl AssetBytes {
 /// # Errors
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
-    bake_with(avatar, options, None)
+    bake_with(avatar, options, None, None)
 }
 
-/// [`bake`] with a skin that markers drive beside the skeleton's.
+/// [`bake`] with a skin that markers drive beside the skeleton's, and a marker set for live
+/// labelling.
 ///
 /// # Errors
 /// As [`bake`].
@@ -156,6 +158,7 @@ pub fn bake_with(
     avatar: &Avatar,
     options: &BakeOptions,
     marker_skin: Option<&write::MarkerSkinData>,
+    markers: Option<&MarkerModel>,
 ) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
     let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
@@ -205,6 +208,7 @@ pub fn bake_with(
         levels: &levels,
         marker_skin,
         laplacian: None,
+        markers,
     };
     let baked = finish(avatar, &blocks, &clips, &extras)?;
     Ok(Baked {

@@ -3,6 +3,7 @@
 mod clips;
 mod laplacian;
 mod marker_skin;
+mod markers;
 mod morphs;
 mod shape;
 
@@ -22,6 +23,7 @@ use super::bounds::RestBounds;
 use super::clips::SparseClips;
 use super::quantise::Packed;
 use crate::fit::laplace::rig::Tables;
+use crate::fit::live::MarkerModel;
 use crate::model::Avatar;
 
 pub use shape::Level;
@@ -33,6 +35,8 @@ pub struct Extras<'e> {
     pub centres: Option<&'e [DVec3]>,
     /// A surface that follows the joints as markers.
     pub laplacian: Option<&'e Tables>,
+    /// A marker set for live labelling.
+    pub markers: Option<&'e MarkerModel>,
     /// A skin that markers drive.
     pub marker_skin: Option<&'e MarkerSkinData>,
     /// Positions and normals in 16-bit numbers instead of 32-bit ones.
@@ -74,6 +78,9 @@ pub fn write(
     writer.clips(clips, &avatar.mesh.morphs)?;
     if let Some(tables) = extras.laplacian {
         writer.laplacian(tables)?;
+    }
+    if let Some(markers) = extras.markers {
+        writer.markers(markers);
     }
     if let Some(skin) = extras.marker_skin {
         writer.marker_skin(skin)?;

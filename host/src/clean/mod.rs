@@ -15,7 +15,7 @@ mod despike;
 pub mod fill;
 pub(crate) mod linear;
 pub mod merge;
-mod neighbours;
+pub(crate) mod neighbours;
 pub(crate) mod rigid;
 pub mod smooth;
 pub mod surface;

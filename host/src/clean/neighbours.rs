@@ -4,7 +4,7 @@ use super::fill::View;
 
 /// Another marker, and how its distance varies.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Neighbour {
+pub(crate) struct Neighbour {
     pub marker: usize,
     /// Mean distance, metres.
     pub distance: f64,
@@ -26,7 +26,7 @@ const SAMPLES: usize = 600;
 /// Markers ranked by how rigidly they move with `marker`, best first.
 ///
 /// Markers that share too few frames with it to judge are left out. Linear in markers and frames.
-pub(super) fn rank(view: &View<'_>, marker: usize) -> Vec<Neighbour> {
+pub(crate) fn rank(view: &View<'_>, marker: usize) -> Vec<Neighbour> {
     let own = view.trajectory(marker);
     let seen: Vec<usize> = (0..own.len())
         .filter(|&frame| view.is_measured(marker, frame))

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use super::load::Reading;
 use super::markers::FromMarkers;
 use super::say::{Say, bytes, notices_json, thousands};
+use super::track::learn_from;
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
 use crate::bake::{BakeOptions, BakeReport, Baked, bake_with};
@@ -27,6 +28,7 @@ mod laplacian;
 Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
+  sinew bake --mesh body.glb --marker-set clean.c3d --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --compress 0.5 --output body.sinew
   sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
   sinew bake --mesh body.glb --centres --levels 5000,2000 --output game.sinew
@@ -43,6 +45,10 @@ pub(crate) struct Bake {
     /// Captured motion (.bvh), put on the body by rotation alone; may be given several times.
     #[arg(long)]
     motion: Vec<PathBuf>,
+    /// A named, clean take of a marker set, so that `sinew track` and the core know it; may be given
+    /// several times.
+    #[arg(long, value_name = "TAKE")]
+    marker_set: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
     /// Find centres of rotation, which `play --mode centres` needs.
@@ -206,9 +212,14 @@ impl Bake {
                 simple.error * 1e3,
             ));
         }
+        let marker_set = if self.marker_set.is_empty() {
+            None
+        } else {
+            Some(learn_from(&self.marker_set, self.fitting.reading, say)?)
+        };
         let learnt = self.from_markers.learn(&body, self.fitting.reading, say)?;
         let marker_skin = learnt.as_ref().map(|learnt| &learnt.0);
-        let baked = bake_with(&body, &options, marker_skin)?;
+        let baked = bake_with(&body, &options, marker_skin, marker_set.as_ref())?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);

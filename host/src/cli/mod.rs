@@ -19,6 +19,7 @@ mod segment;
 mod send;
 mod solve;
 mod studio;
+mod track;
 mod verify;
 
 use std::process::ExitCode;
@@ -69,6 +70,7 @@ enum Command {
     Cost(cost::CostCommand),
     Solve(solve::Solve),
     Studio(Box<studio::Studio>),
+    Track(track::Track),
 }
 
 /// Why a command ended early.
@@ -106,6 +108,7 @@ pub fn run() -> ExitCode {
         Command::Cost(command) => command.run(&say),
         Command::Solve(command) => command.run(&say),
         Command::Studio(command) => command.run(&say),
+        Command::Track(command) => command.run(&say),
     };
     match done {
         Ok(object) => {

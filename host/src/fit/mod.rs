@@ -10,6 +10,7 @@ pub mod feet;
 pub mod floor;
 pub mod humanoid;
 pub mod laplace;
+pub mod live;
 mod names;
 pub mod parts;
 pub mod register;

@@ -7,6 +7,7 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod markers;
 mod memory;
 pub mod modes;
 pub mod rope;
@@ -53,6 +54,7 @@ pub type Run = fn(&[u8], Level, &mut [f32], &mut Unmeasured) -> Result<u64, Faul
 
 /// All stages by name.
 pub const ALL: &[(&str, Run)] = &[
+    ("markers", markers::run::<Unmeasured>),
     ("modes", modes::run::<Unmeasured>),
     ("rope", rope::run::<Unmeasured>),
     ("skin", skin::run::<Unmeasured>),

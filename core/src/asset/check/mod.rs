@@ -6,6 +6,7 @@ mod clips;
 mod laplacian;
 mod levels;
 mod marker_skin;
+mod markers;
 mod mesh;
 mod morphs;
 mod packed;
@@ -18,7 +19,7 @@ use super::levels::Levels;
 use super::packed::Packed;
 use super::sections::{Sections, check_header, check_sum};
 use super::shapes::Shapes;
-use super::{Asset, AssetError, SectionKind, Triangles};
+use super::{Asset, AssetError, MarkerTables, SectionKind, Triangles};
 
 /// Header, then section table, then contents; nothing is read before what it depends on is proved.
 pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
@@ -45,6 +46,7 @@ fn contents(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     bounds::check(&asset)?;
     clips::check(&asset)?;
     laplacian::check(&asset)?;
+    markers::check(&asset)?;
     packed::check(&asset)?;
     asset.marker_skin = marker_skin::check(&asset, &sections)?;
     Ok(asset)
@@ -91,6 +93,15 @@ fn all_views<'a>(sections: &Sections<'a>) -> Result<Asset<'a>, AssetError> {
             values: sections.view(SectionKind::PackedValues)?,
         },
         joint_names: sections.view(SectionKind::JointNames)?,
+        markers: MarkerTables {
+            markers: sections.view(SectionKind::LiveMarkers)?,
+            neighbours: sections.view(SectionKind::LiveNeighbours)?,
+            links: sections.view(SectionKind::LiveLinks)?,
+            seed_markers: sections.view(SectionKind::LiveSeeds)?,
+            seeds: sections.view(SectionKind::LiveSeedShapes)?,
+        },
+        live_names: sections.view(SectionKind::LiveNames)?,
+        live_rate: sections.view(SectionKind::LiveRate)?,
         names: sections.view(SectionKind::Names)?,
         shapes: Shapes {
             boxes: sections.view(SectionKind::PackedBoxes)?,

@@ -14,7 +14,7 @@ use super::points::Points;
 use super::state::{LEAST_SPREAD, Measures};
 use super::vector::dot;
 use crate::row::Row;
-use crate::solve::assignment::{Assignment, Choice};
+use crate::solve::assignment::{Assignment, Choice, ColumnSlot, RowSlot};
 
 /// Proposals a trace.
 pub(super) const CANDIDATES: usize = 5;
@@ -98,7 +98,7 @@ pub(super) struct Association<const TRACES: usize, const POINTS: usize> {
     forward: Row<Costs, TRACES>,
     /// Cost of the best labelling with each candidate.
     total: Row<Costs, TRACES>,
-    matching: Assignment<TRACES, POINTS, CANDIDATES>,
+    matching: Assignment<[RowSlot<CANDIDATES>; TRACES], [ColumnSlot; POINTS], CANDIDATES>,
 }
 
 /// A trace's point and how much worse the next best labelling would be.
@@ -120,7 +120,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             links: Row::new(),
             forward: Row::new(),
             total: Row::new(),
-            matching: Assignment::new(),
+            matching: Assignment::new([RowSlot::EMPTY; TRACES], [ColumnSlot::EMPTY; POINTS]),
         }
     }
 
@@ -146,7 +146,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 self.offer(i);
             }
         }
-        points.work = points.work.wrapping_add(self.matching.solve());
+        points.work = points.work.wrapping_add(self.matching.solve(u32::MAX));
         for i in 0..count {
             let Choice::Column {
                 slot,

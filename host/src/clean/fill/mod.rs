@@ -15,13 +15,13 @@ mod baseline;
 mod drift;
 mod pca;
 mod plan;
-mod regression;
+pub(crate) mod regression;
 mod smoother;
 mod view;
 mod window;
 
-pub(in crate::clean) use plan::in_parallel;
-pub(in crate::clean) use view::View;
+pub(crate) use plan::in_parallel;
+pub(crate) use view::View;
 
 /// How missing samples are estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -63,10 +63,7 @@ pub(super) fn run(
 }
 
 /// Applies `work` to each item on all processors; results in the order of the items.
-pub(in crate::clean) fn in_parallel<T: Send>(
-    items: &[usize],
-    work: impl Fn(usize) -> T + Sync,
-) -> Vec<T> {
+pub(crate) fn in_parallel<T: Send>(items: &[usize], work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let next = AtomicUsize::new(0);
     let run = || {

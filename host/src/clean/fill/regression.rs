@@ -26,19 +26,19 @@ const CORRELATED: f64 = 0.25;
 const NOISE: f64 = 1e-6;
 
 /// Frame, fold, and what was left of the marker's position in the local frame.
-pub(super) type Residual = (usize, usize, DVec3);
+pub(crate) type Residual = (usize, usize, DVec3);
 
 /// Predicts one marker from a set of neighbours.
-pub(super) struct Model {
-    set: Vec<usize>,
+pub(crate) struct Model {
+    pub set: Vec<usize>,
     /// `[set]`: weight of each neighbour in the local frame.
-    weights: Vec<f64>,
+    pub weights: Vec<f64>,
     /// `[set]`: the neighbours' mean positions in the local frame.
-    shape: Vec<DVec3>,
+    pub shape: Vec<DVec3>,
     /// Mean position of the marker in the local frame.
-    home: DVec3,
+    pub home: DVec3,
     /// `[3 set x 3]`: from the neighbours' departures to the marker's.
-    coefficients: Vec<f64>,
+    pub coefficients: Vec<f64>,
     /// Normal matrix with its ridge, factored, over the number of independent frames: how far a
     /// frame is from those learned.
     familiar: Option<(Cholesky, f64)>,
@@ -49,7 +49,7 @@ pub(super) struct Model {
 }
 
 /// A prediction in one frame.
-pub(super) struct Prediction {
+pub(crate) struct Prediction {
     /// Metres, the take's space.
     pub position: DVec3,
     /// From the local frame to the take's space.

@@ -6,7 +6,7 @@ use crate::take::Take;
 
 /// A take whose missing samples may carry estimates.
 #[derive(Clone, Copy)]
-pub(in crate::clean) struct View<'a> {
+pub(crate) struct View<'a> {
     pub take: &'a Take,
     /// `[markers x frames]`, metres: 0 where measured, the standard deviation an axis where
     /// estimated, NaN where missing.
