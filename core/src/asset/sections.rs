@@ -177,10 +177,10 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     if dims.morph_normal_count != 0 && dims.morph_normal_count != dims.morph_row_count {
         return fault(20);
     }
-    if dims.max_clip_tracks > dims.track_count {
+    if dims.max_clip_tracks > dims.track_count.saturating_add(dims.packed.track_count) {
         return fault(11);
     }
-    if dims.max_track_keys > dims.key_time_count {
+    if dims.max_track_keys > dims.key_time_count.max(dims.packed.frame_count) {
         return fault(12);
     }
     Ok(())
