@@ -8,7 +8,9 @@ pub mod body;
 pub mod budgets;
 pub mod cases;
 pub mod dense;
+pub mod filming;
 pub mod gltf_oracle;
+pub mod hidden;
 pub mod human;
 pub mod laplacian;
 

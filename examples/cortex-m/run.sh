@@ -2,14 +2,15 @@
 # Builds a firmware for each stage with an asset in its flash, runs it on an emulated Cortex-M and
 # prints what it measured.
 #
-#   run.sh [--board m4|m7|m33] [--check | --update] [CASE...]
+#   run.sh [--board m4|m7|m33] [--check | --update | --count] [CASE...]
 #   run.sh [--board m4|m7|m33] --stage STAGE --asset FILE
 #   run.sh [--board m4|m7|m33] --draw OUT.png [--asset FILE]
 #
 # The board is a Cortex-M7 unless another is named: M4F (mps2-an386), M7 (mps2-an500), M33 (an505).
 # Cases are those of tests/cases.rs, as STAGE.NAME; without any, all. --check compares with
-# tests/budgets.toml and tests/golden/fingerprints.toml, --update commits the numbers. With --asset,
-# a file of your own. --draw lets the firmware draw a frame into a framebuffer and write it down; the
+# tests/budgets.toml and tests/golden/fingerprints.toml, --update commits the numbers. --count
+# compares `cost` with the operations that an M7 executes (tests/python/count_operations.py). With
+# --asset, a file of your own. --draw lets the firmware draw a frame into a framebuffer and write it down; the
 # asset is the bundled body unless another is named. SINEW_TOOLCHAIN: see examples/toolchain.sh.
 #
 # Exit status: 0 done, 1 something is wrong, 2 usage, 77 skipped for want of a program.
@@ -19,7 +20,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 root=$(cd "$here/../.." && pwd)
 board=m7 stage=skin asset= picture= mode= wanted=()
 usage() {
-    sed -n '2,17s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,18s/^# \{0,1\}//p' "$0" >&2
     exit 2
 }
 while [ $# -gt 0 ]; do
@@ -33,7 +34,7 @@ while [ $# -gt 0 ]; do
                 --draw) picture=$(realpath -m "$2") ;;
             esac
             shift ;;
-        --check | --update) mode=$1 ;;
+        --check | --update | --count) mode=$1 ;;
         -*) usage ;;
         *) wanted+=("$1") ;;
     esac
@@ -62,6 +63,12 @@ emulate() {
 
 # measure CASE FILE: the case is STAGE.NAME.
 measure() {
+    if [ "$mode" = --count ]; then
+        (cd "$here" && SINEW_STAGE=${1%%.*} SINEW_ASSET=$2 "${build[@]}" \
+            --target-dir "$here/target/$board" --bin counted) &&
+            python3 "$root/tests/python/count_operations.py" "$firmware/counted" --name "$1"
+        return
+    fi
     # The second firmware links only while no code in it can panic.
     (cd "$here" && SINEW_STAGE=${1%%.*} SINEW_ASSET=$2 "${build[@]}" \
         --target-dir "$here/target/$board" --bin stage --bin frame_only) || {

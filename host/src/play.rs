@@ -7,6 +7,7 @@ use sinew_core::frame::{
 };
 use sinew_core::pose;
 
+use crate::fit::parts::MarkerPlayer;
 use crate::model::{Clip, Skeleton};
 use crate::reference;
 
@@ -19,6 +20,8 @@ pub struct Player<'a> {
     workspace: Workspace<Vec<f32>>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// Made when the first frame of markers comes.
+    markers: Option<MarkerPlayer<'a>>,
 }
 
 impl<'a> Player<'a> {
@@ -33,6 +36,7 @@ impl<'a> Player<'a> {
             workspace: Workspace::with(vec![0.0; workspace_len(&dims)]),
             positions: vec![[0.0; 3]; dims.vertex_count],
             normals: vec![[0.0; 3]; dims.vertex_count],
+            markers: None,
         }
     }
 
@@ -58,6 +62,20 @@ impl<'a> Player<'a> {
             .expect("the memory has the asset's size")
             .with_level(self.level)
             .step(input, Budget::UNLIMITED, &mut output)
+    }
+
+    /// Steps the skin that markers drive to a frame of them: `[markers]`, metres, NaN where
+    /// missing. Nothing moves where the asset has no such skin.
+    pub fn step_markers(&mut self, frame: &[[f32; 3]]) {
+        if self.markers.is_none() {
+            let skin = self.asset.marker_skin();
+            self.markers = skin.map(|skin| MarkerPlayer::of(skin).with_level(self.level));
+        }
+        if let Some(skin) = &mut self.markers {
+            skin.step(frame);
+            self.positions.copy_from_slice(skin.positions());
+            self.normals.copy_from_slice(skin.normals());
+        }
     }
 
     /// Metres, `[vertices]`.
@@ -110,6 +128,13 @@ pub enum Motion {
     },
     /// A clip from elsewhere, already on the asset's skeleton.
     Foreign(Clip, Skeleton),
+    /// Frames of markers for the skin that they drive.
+    Markers {
+        /// Frames a second.
+        rate: f64,
+        /// `[frames][markers]`, metres, NaN where missing.
+        frames: Vec<Vec<[f32; 3]>>,
+    },
 }
 
 impl Motion {
@@ -119,21 +144,31 @@ impl Motion {
         match self {
             Self::Own { duration, .. } => *duration,
             Self::Foreign(clip, _) => clip.duration,
+            Self::Markers { rate, frames } => frames.len().saturating_sub(1) as f64 / rate,
         }
     }
 
-    /// Steps a player to a time.
-    pub fn step(&self, player: &mut Player<'_>, seconds: f64) -> FrameReport {
+    /// Steps a player to a time; of markers, to the nearest frame.
+    pub fn step(&self, player: &mut Player<'_>, seconds: f64) {
         match self {
-            Self::Own { index, .. } => player.step(&Input::Clip {
-                index: *index,
-                seconds: seconds as f32,
-                looped: false,
-            }),
+            Self::Markers { rate, frames } => {
+                let last = frames.len().saturating_sub(1);
+                let frame = ((seconds * rate).round() as usize).min(last);
+                if let Some(frame) = frames.get(frame) {
+                    player.step_markers(frame);
+                }
+            }
+            Self::Own { index, .. } => {
+                player.step(&Input::Clip {
+                    index: *index,
+                    seconds: seconds as f32,
+                    looped: false,
+                });
+            }
             Self::Foreign(clip, skeleton) => {
                 let local = reference::pose::sample(skeleton, clip, seconds);
                 let local: Vec<_> = local.iter().map(core_transform).collect();
-                player.step(&Input::Pose(&local))
+                player.step(&Input::Pose(&local));
             }
         }
     }

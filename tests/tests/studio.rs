@@ -4,43 +4,16 @@ use std::collections::{HashMap, HashSet};
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use sinew_host::fit::{Correspondence, Options, floor, retarget};
-use sinew_host::import::gltf::read_gltf;
-use sinew_host::import::read_bvh;
 use sinew_host::import::take::{TakeOptions, read_take};
-use sinew_host::model::{Avatar, Clip, Motion};
+use sinew_host::model::Clip;
 use sinew_host::studio::{
     Body, Capture, Direction, FleshOptions, MarkerLayout, MarkerSet, Ring, Scene, Shot,
     StudioError, files,
 };
 use sinew_host::take::Take;
-use sinew_tests::{body::checked_arm, root, shared};
-
-fn human() -> &'static Avatar {
-    static HUMAN: OnceLock<Avatar> = OnceLock::new();
-    HUMAN.get_or_init(|| {
-        let folder = root().join("examples/data");
-        let bytes = std::fs::read(folder.join("human.glb")).unwrap();
-        let raw = read_gltf(&bytes, "human.glb", &folder).unwrap();
-        Avatar::new(raw, "human.glb").unwrap().0
-    })
-}
-
-fn clip_of(bytes: &[u8]) -> Clip {
-    let (motion, _) = Motion::new(read_bvh(bytes, "motion").unwrap(), "motion").unwrap();
-    let joints = Correspondence::new(&motion.skeleton, &human().skeleton, &[]).unwrap();
-    let fit = |lift| {
-        let options = Options {
-            lift,
-            ..Options::default()
-        };
-        retarget(&motion, &human().skeleton, &joints, &options)
-            .unwrap()
-            .clip
-    };
-    let lift = floor::lift(human(), &joints.target, &fit(0.0)).unwrap();
-    fit(lift)
-}
+use sinew_tests::body::checked_arm;
+use sinew_tests::filming::{clip_of, human};
+use sinew_tests::{root, shared};
 
 fn clip(name: &str) -> Clip {
     clip_of(&std::fs::read(root().join("examples/data").join(name)).unwrap())

@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::{SectionKind, VERSION};
+use crate::deform::parts::PartsError;
 
 /// Bytes that are not a usable asset. Each case carries the facts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,6 +109,8 @@ pub enum AssetError {
         /// What they sum to.
         sum: u32,
     },
+    /// Tables of a marker-driven skin that are not sound.
+    MarkerSkin(PartsError),
     /// A name that is not UTF-8.
     Name {
         /// The section that refers to it.
@@ -203,6 +206,7 @@ impl fmt::Display for AssetError {
                     "weights of block {block}, vertex {lane} sum to {sum}, not 65535"
                 )
             }
+            Self::MarkerSkin(error) => write!(f, "marker-driven skin: {error}"),
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;
         write!(f, "; {}", self.hint())

@@ -1,6 +1,8 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
 use super::PackedDims;
+use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
+
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
 
@@ -87,6 +89,8 @@ pub struct Dims {
     pub key_value_count: usize,
     /// Bytes of all names together.
     pub name_bytes: usize,
+    /// The skin that markers drive.
+    pub marker_skin: MarkerSkinDims,
     /// Compressed tracks.
     pub packed: PackedDims,
 }
@@ -147,6 +151,7 @@ impl Dims {
             morph_count: count(bytes, 18),
             morph_row_count: count(bytes, 19),
             morph_normal_count: count(bytes, 20),
+            marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
         }
     }
@@ -181,6 +186,12 @@ impl Dims {
         let mut at = 0;
         while at < counts.len() {
             words[at] = counts[at];
+            at += 1;
+        }
+        let (first, group) = self.marker_skin.words();
+        let mut at = 0;
+        while at < MARKER_SKIN_WORDS {
+            words[first + at] = group[at];
             at += 1;
         }
         let packed = self.packed.to_words();

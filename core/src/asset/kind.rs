@@ -61,13 +61,69 @@ pub enum SectionKind {
     PackedValues = u32::from_le_bytes(*b"KPVL"),
     /// `u32 [joints x 2]`: offset and bytes of each joint's name.
     JointNames = u32::from_le_bytes(*b"JNAM"),
+    /// `f32 [markers x 3]`: rest positions of markers.
+    MarkerRest = u32::from_le_bytes(*b"PRST"),
+    /// `u32 [markers x 2]`: offset and bytes of each marker's name.
+    MarkerNames = u32::from_le_bytes(*b"PNAM"),
+    /// `u16 [parts]`: parent of each near-rigid part, or [`NO_PARENT`].
+    PartParents = u32::from_le_bytes(*b"PPAR"),
+    /// `f32 [parts x 4]`: the joint that holds each part to its parent, and its weight.
+    PartPivots = u32::from_le_bytes(*b"PPIV"),
+    /// `u32 [parts + 1]`: first member of each part.
+    MemberStarts = u32::from_le_bytes(*b"PMST"),
+    /// `u16 [members]`: markers that fix part frames.
+    MemberMarkers = u32::from_le_bytes(*b"PMMK"),
+    /// `f32 [members]`: how much each counts.
+    MemberWeights = u32::from_le_bytes(*b"PMWT"),
+    /// `u32 [markers + 1]`: first carrier of each marker.
+    CarrierStarts = u32::from_le_bytes(*b"PCST"),
+    /// `u16 [carriers]`: parts that carry markers.
+    CarrierParts = u32::from_le_bytes(*b"PCPT"),
+    /// `f32 [carriers]`: their weights.
+    CarrierWeights = u32::from_le_bytes(*b"PCWT"),
+    /// `f32 [2]`: longest residual, smoothing of the radial basis.
+    MarkerNumbers = u32::from_le_bytes(*b"PNUM"),
+    /// `u32 [vertices]`: source vertex of each lane of the marker-driven blocks.
+    MarkerSkinOrder = u32::from_le_bytes(*b"PORD"),
+    /// `f32 [blocks x 3 x 8]`: rest positions in that order.
+    PartPositions = u32::from_le_bytes(*b"PPOS"),
+    /// `f32 [blocks x 3 x 8]`: rest normals.
+    PartNormals = u32::from_le_bytes(*b"PNRM"),
+    /// `u32 [blocks + 1]`: first part slot of each block.
+    PartSlotStarts = u32::from_le_bytes(*b"PSST"),
+    /// `u16 [part slots]`: part of each.
+    PartSlotParts = u32::from_le_bytes(*b"PSPT"),
+    /// `u16 [part slots x 8]`: weight of each lane.
+    PartSlotWeights = u32::from_le_bytes(*b"PSWT"),
+    /// `f32 [part slots x 2 x 8]`: change of the weights along two tangents.
+    PartSlotGradients = u32::from_le_bytes(*b"PSGR"),
+    /// `u32 [blocks + 1]`: first marker slot of each block.
+    MarkerSlotStarts = u32::from_le_bytes(*b"PKST"),
+    /// `u16 [marker slots]`: marker of each.
+    MarkerSlotMarkers = u32::from_le_bytes(*b"PKMK"),
+    /// `f32 [marker slots x 3 x 8]`: shares of position and two tangents.
+    MarkerSlotShares = u32::from_le_bytes(*b"PKSH"),
+    /// `f32 [parts x 12]`: rest pose to reference frames.
+    PartToLocal = u32::from_le_bytes(*b"PTOL"),
+    /// `f32 [parts x 12]`: the inverse.
+    PartFromLocal = u32::from_le_bytes(*b"PFRL"),
+    /// `f32 [parts]`: two over the support of the radial basis.
+    PartDilations = u32::from_le_bytes(*b"PDIL"),
+    /// `u32 [parts + 1]`: first member of each part in the exact mode.
+    ExactStarts = u32::from_le_bytes(*b"PEST"),
+    /// `u16 [exact members]`: markers.
+    ExactMarkers = u32::from_le_bytes(*b"PEMK"),
+    /// `f32 [exact members x 3]`: positions in reference frames.
+    ExactLocal = u32::from_le_bytes(*b"PELO"),
+    /// `f32 [exact members x 10]`: pseudo-inverse of each part's transformation.
+    ExactInverse = u32::from_le_bytes(*b"PEIN"),
     /// `u8 [name bytes]`: UTF-8.
     Names = u32::from_le_bytes(*b"NAME"),
 }
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 56] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -95,6 +151,34 @@ impl SectionKind {
         Self::PackedFrames,
         Self::PackedValues,
         Self::JointNames,
+        Self::MarkerRest,
+        Self::MarkerNames,
+        Self::PartParents,
+        Self::PartPivots,
+        Self::MemberStarts,
+        Self::MemberMarkers,
+        Self::MemberWeights,
+        Self::CarrierStarts,
+        Self::CarrierParts,
+        Self::CarrierWeights,
+        Self::MarkerNumbers,
+        Self::MarkerSkinOrder,
+        Self::PartPositions,
+        Self::PartNormals,
+        Self::PartSlotStarts,
+        Self::PartSlotParts,
+        Self::PartSlotWeights,
+        Self::PartSlotGradients,
+        Self::MarkerSlotStarts,
+        Self::MarkerSlotMarkers,
+        Self::MarkerSlotShares,
+        Self::PartToLocal,
+        Self::PartFromLocal,
+        Self::PartDilations,
+        Self::ExactStarts,
+        Self::ExactMarkers,
+        Self::ExactLocal,
+        Self::ExactInverse,
         Self::Names,
     ];
 
@@ -136,6 +220,9 @@ impl SectionKind {
             Self::PackedValues => dims.packed.value_count.checked_mul(2),
             Self::JointNames => dims.joint_count.checked_mul(8),
             Self::Names => Some(dims.name_bytes),
+            group => dims
+                .marker_skin
+                .bytes(group, dims.block_count, dims.vertex_count),
         }
     }
 }

@@ -11,6 +11,7 @@ mod error;
 mod header;
 mod include;
 mod kind;
+mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
@@ -25,6 +26,7 @@ pub use header::{
 };
 pub use include::Aligned;
 pub use kind::SectionKind;
+pub use marker_skin::{MarkerMode, MarkerSkin, MarkerSkinDims};
 pub use mesh::{Part, Triangles};
 pub use morphs::{Morph, MorphRow};
 pub use packed::{PackedDims, PackedTrack, unpack_rotation};
@@ -62,6 +64,8 @@ pub struct Asset<'a> {
     pub(crate) packed: packed::Packed<'a>,
     joint_names: &'a [[u32; 2]],
     names: &'a [u8],
+    marker_skin: Option<MarkerSkin<'a>>,
+    marker_names: &'a [[u32; 2]],
 }
 
 /// Blocks with the same number of slots.

@@ -4,6 +4,7 @@
 //! vector register is a vertex, so no sum ever crosses lanes and every register width gives the
 //! same bits.
 
+mod blocks;
 mod dual;
 mod job;
 mod lanes;
@@ -11,6 +12,7 @@ pub mod laplacian;
 mod linear;
 mod morph;
 mod output;
+pub mod parts;
 mod plain;
 mod rigid;
 mod skin;

@@ -269,7 +269,7 @@ pub(super) fn load<L: Lanes>(token: L::Token, from: &Lanes3, first: usize) -> [L
 /// Column by column from the translation on: so few registers hold numbers at once that none
 /// goes to memory.
 #[inline(always)]
-fn move_point<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
+pub(super) fn move_point<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
     let mut moved = [m[3], m[7], m[11]];
     for (column, coordinate) in [x, y, z].into_iter().enumerate() {
         for (sum, row) in moved.iter_mut().zip(m.as_chunks::<4>().0) {
@@ -280,7 +280,7 @@ fn move_point<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
 }
 
 #[inline(always)]
-fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
+pub(super) fn turn<L: Lanes>(m: &[L; 12], [x, y, z]: [L; 3]) -> [L; 3] {
     let mut turned = [m[0].mul(x), m[4].mul(x), m[8].mul(x)];
     for (column, coordinate) in [(1, y), (2, z)] {
         for (sum, row) in turned.iter_mut().zip(m.as_chunks::<4>().0) {

@@ -1,4 +1,6 @@
-//! Linear systems that are prepared once and solved every frame, and assignments.
+//! Linear systems that are prepared once and solved every frame, assignments, and small dense
+//! problems.
 
 pub mod assignment;
+pub mod dense;
 pub mod sparse;

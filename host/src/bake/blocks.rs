@@ -150,7 +150,7 @@ fn slots(block: &[u32], weights: &[Weights]) -> Vec<Slot> {
 
 /// Weights as integers that sum to [`WEIGHT_ONE`], by largest remainder; ascending by bind,
 /// without those that round to zero.
-fn round(influences: &[(u32, f64)], worst: &mut f64) -> Weights {
+pub(crate) fn round(influences: &[(u32, f64)], worst: &mut f64) -> Weights {
     let one = f64::from(WEIGHT_ONE);
     let mut rows: Vec<(u16, u16, f64)> = influences
         .iter()

@@ -116,6 +116,18 @@ impl AssetBytes {
 /// # Errors
 /// [`BakeError`] where the body exceeds the format.
 pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> {
+    bake_with(avatar, options, None)
+}
+
+/// [`bake`] with a skin that markers drive beside the skeleton's.
+///
+/// # Errors
+/// As [`bake`].
+pub fn bake_with(
+    avatar: &Avatar,
+    options: &BakeOptions,
+    marker_skin: Option<&write::MarkerSkinData>,
+) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
     let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
     let centres = options
@@ -123,6 +135,7 @@ pub fn bake(avatar: &Avatar, options: &BakeOptions) -> Result<Baked, BakeError> 
         .then(|| centres::centres(&avatar.mesh, &avatar.skin));
     let extras = write::Extras {
         centres: centres.as_deref(),
+        marker_skin,
     };
     let bytes = write::write(avatar, &blocks, &clips, &extras)?;
     let bytes = AssetBytes::new(&bytes);

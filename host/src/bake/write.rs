@@ -1,7 +1,10 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
 mod clips;
+mod marker_skin;
 mod morphs;
+
+pub use marker_skin::MarkerSkinData;
 
 use std::collections::HashMap;
 
@@ -21,6 +24,8 @@ use crate::model::Avatar;
 pub struct Extras<'e> {
     /// `[vertices]`: centres of rotation, for the mode of that name.
     pub centres: Option<&'e [DVec3]>,
+    /// A skin that markers drive.
+    pub marker_skin: Option<&'e MarkerSkinData>,
 }
 
 /// All sections, in file order, then header and table in front of them.
@@ -42,6 +47,9 @@ pub fn write(
     writer.triangles(avatar, blocks)?;
     writer.morphs(&avatar.mesh.morphs, blocks)?;
     writer.clips(clips, &avatar.mesh.morphs)?;
+    if let Some(skin) = extras.marker_skin {
+        writer.marker_skin(skin)?;
+    }
     writer.finish()
 }
 

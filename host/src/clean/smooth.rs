@@ -64,17 +64,30 @@ fn pass_gain(frequency: f64, rate: f64) -> f64 {
 /// `progress` is called with each finished marker, from several threads. Linear in samples, passes
 /// and neighbours.
 pub fn smooth(filled: &mut Filled, options: &SmoothOptions, progress: &(dyn Fn() + Sync)) {
+    let markers: Vec<usize> = (0..filled.take.marker_count()).collect();
+    smooth_markers(filled, &markers, options, progress);
+}
+
+/// [`smooth`], only for some markers.
+///
+/// # Panics
+/// If a marker does not exist.
+pub fn smooth_markers(
+    filled: &mut Filled,
+    markers: &[usize],
+    options: &SmoothOptions,
+    progress: &(dyn Fn() + Sync),
+) {
     let passes = pass_count(options.cutoff, filled.take.rate());
     if passes == 0 {
         return;
     }
-    let markers: Vec<usize> = (0..filled.take.marker_count()).collect();
-    let paths = in_parallel(&markers, |marker| {
+    let paths = in_parallel(markers, |marker| {
         let path = smooth_marker(&filled.view(), marker, passes);
         progress();
         path
     });
-    for (marker, path) in paths.into_iter().enumerate() {
+    for (&marker, path) in markers.iter().zip(paths) {
         for (frame, position) in path.into_iter().enumerate() {
             if !position.is_nan() {
                 filled.take.set_position(marker, frame, Some(position));

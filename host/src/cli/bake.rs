@@ -6,10 +6,11 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::load::Reading;
+use super::markers::FromMarkers;
 use super::say::{Say, bytes, notices_json, thousands};
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
-use crate::bake::{BakeOptions, BakeReport, Baked, bake};
+use crate::bake::{BakeOptions, BakeReport, Baked, bake_with};
 use crate::export::write_atomic;
 use crate::fit::{Correspondence, Options, Reference, feet, floor, retarget};
 use crate::import::Place;
@@ -24,7 +25,9 @@ Examples:
   sinew bake --mesh body.glb --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --compress 0.5 --output body.sinew
-  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew")]
+  sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --output body.sinew
+  sinew bake --mesh body.glb --markers dense.c3d --mode hybrid --rest-frame 40 --output body.sinew")]
 pub(crate) struct Bake {
     /// The body: a .glb or .gltf with skin weights.
     #[arg(long)]
@@ -34,6 +37,8 @@ pub(crate) struct Bake {
     motion: Vec<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
+    #[command(flatten)]
+    from_markers: FromMarkers,
     /// Compress clips: joints, and skin 100 mm around them, may stray so many millimetres.
     #[arg(long, value_name = "MM")]
     compress: Option<f64>,
@@ -159,7 +164,9 @@ impl Bake {
             compression: self.compress.map(|mm| mm / 1e3),
             ..BakeOptions::default()
         };
-        let baked = bake(&body, &options)?;
+        let learnt = self.from_markers.learn(&body, self.fitting.reading, say)?;
+        let marker_skin = learnt.as_ref().map(|learnt| &learnt.0);
+        let baked = bake_with(&body, &options, marker_skin)?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);
@@ -177,6 +184,9 @@ impl Bake {
         let limit = BAKE_LIMIT + 2.0 * options.compression.unwrap_or(0.0);
         object["error"] = error_json(&error, limit);
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
+        if let Some((_, report)) = learnt {
+            object["marker_skin"] = report;
+        }
         object["notices"] = notices_json(&notices);
         Ok(object)
     }

@@ -16,6 +16,8 @@ use crate::clean::{Spike, despike};
 use crate::export::c3d::write_c3d;
 use crate::export::png::write_png;
 use crate::export::{ExportErrorKind, write_atomic};
+use crate::studio::files::read_trajectories;
+use crate::studio::judge::Key;
 use crate::take::Take;
 
 mod report;
@@ -27,7 +29,8 @@ mod report;
 Examples:
   sinew clean take.c3d --output clean.c3d
   sinew clean take.trc --output clean.c3d --plot gaps.png --report clean.json
-  sinew clean take.csv --unit cm --up z --smooth 0 --output clean.c3d")]
+  sinew clean take.csv --unit cm --up z --smooth 0 --output clean.c3d
+  sinew clean capture/capture.c3d --truth capture --output clean.c3d")]
 pub(crate) struct Clean {
     /// The capture: .c3d, .trc, Motive .csv or a table of markers.
     take: PathBuf,
@@ -52,10 +55,14 @@ pub(crate) struct Clean {
     /// Leave spikes where they are.
     #[arg(long)]
     keep_spikes: bool,
-    /// The frame (0 is the first) whose points become the markers of a capture without names; by
-    /// default the one that shows most.
+    /// The frame (0 is the first) in which the body stands in its reference pose; by default the one
+    /// that shows most.
     #[arg(long, value_name = "FRAME")]
     reference_frame: Option<usize>,
+    /// Folder of `sinew studio` whose capture this is: says how many labels are wrong, and by how
+    /// much filled samples miss the truth.
+    #[arg(long, value_name = "DIR")]
+    truth: Option<PathBuf>,
     #[command(flatten)]
     reading: Reading,
 }
@@ -120,12 +127,16 @@ impl Clean {
             );
             return Err(Failure::Usage(text));
         }
+        let key = self.key(&take)?;
         let outcome = self.clean(take, say)?;
         outcome.tell(say);
         let mut object = outcome.to_json();
         object["take"] = json!(name);
         object["output"] = json!(self.output.display().to_string());
         object["notices"] = notices_json(&notices);
+        if let Some(key) = &key {
+            object["truth"] = outcome.judge(key, say);
+        }
         if let Some(path) = &self.plot {
             let image = outcome.timeline().render(1200, 900);
             write_png(path, &image)?;
@@ -141,13 +152,38 @@ impl Clean {
         Ok(object)
     }
 
+    /// What the capture's points really are, if its folder is stated.
+    fn key(&self, take: &Take) -> Result<Option<Key>, Failure> {
+        let Some(folder) = &self.truth else {
+            return Ok(None);
+        };
+        let (truth, _) = load::take(&folder.join("truth.c3d"), Reading::default())?;
+        let path = folder.join("studio.json");
+        let bytes = std::fs::read(&path).map_err(|error| fault(&path, &error))?;
+        let trajectories = read_trajectories(&bytes).map_err(|error| fault(&path, &error))?;
+        let key = Key {
+            trajectories,
+            truth,
+        };
+        if let Err(why) = key.check(take) {
+            let folder = folder.display();
+            return Err(Failure::Data(format!("--truth {folder}: {why}")));
+        }
+        Ok(Some(key))
+    }
+
     fn clean(&self, before: Take, say: &Say) -> Result<Outcome, Failure> {
         let start = Instant::now();
         let options = MergeOptions {
             reference_frame: self.reference_frame,
             ..MergeOptions::default()
         };
-        let merged = merge(&before, &options).map_err(|error| fault(&self.take, &error))?;
+        let bar = say.progress("merge", 1000);
+        let merged = merge(&before, &options, &|share| {
+            bar.set_position((1000.0 * share) as u64);
+        });
+        bar.finish_and_clear();
+        let merged = merged.map_err(|error| fault(&self.take, &error))?;
         let mut take = merged.take.clone();
         let spikes = if self.keep_spikes {
             Vec::new()

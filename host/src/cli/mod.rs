@@ -9,6 +9,7 @@ mod cost;
 mod demo;
 mod inspect;
 mod load;
+mod markers;
 mod play;
 mod register;
 mod say;

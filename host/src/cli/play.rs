@@ -8,7 +8,7 @@ use sinew_core::asset::Asset;
 
 use super::bake::Fitting;
 use super::say::Say;
-use super::{Failure, load};
+use super::{Failure, load, markers};
 use crate::export::write_glb_of;
 use crate::export::{NpyWriter, write_atomic};
 use crate::film::{Film, Shot};
@@ -24,6 +24,7 @@ Examples:
   sinew play body.sinew --output walk.gif
   sinew play body.sinew --clip 1 --rate 60 --output walk.npy
   sinew play body.sinew --motion other.bvh --output other.glb
+  sinew play body.sinew --markers dense.c3d --output dense.gif
 
 OUTPUT ends in
   .npy   float32 [frames, vertices, 3], metres, the source mesh's vertex order
@@ -34,11 +35,14 @@ pub(crate) struct Play {
     /// The asset.
     asset: PathBuf,
     /// Clip to play, by number or name; the first without it.
-    #[arg(long, conflicts_with = "motion")]
+    #[arg(long, conflicts_with_all = ["motion", "markers"])]
     clip: Option<String>,
     /// Captured motion (.bvh) to play instead of a clip of the asset.
     #[arg(long)]
     motion: Option<PathBuf>,
+    /// Captured markers (.c3d, .trc, .csv) that drive the skin, by the labels it was baked with.
+    #[arg(long, value_name = "TAKE", conflicts_with = "motion")]
+    markers: Option<PathBuf>,
     #[command(flatten)]
     fitting: Fitting,
     /// Frames a second; the motion's own rate without it, at most 30 for pictures.
@@ -62,7 +66,7 @@ impl Play {
         if self.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e4)) {
             return Err(Failure::Usage("--rate must lie between 0 and 10000".into()));
         }
-        let (motion, period) = self.motion(&body, say)?;
+        let (motion, period) = self.motion(&asset, &body, say)?;
         let own_rate = 1.0 / period.unwrap_or(DEFAULT_PERIOD);
         let ending = self
             .output
@@ -97,6 +101,12 @@ impl Play {
                 let clip = match &motion {
                     Motion::Own { index, .. } => body.clips.get(*index).cloned(),
                     Motion::Foreign(clip, _) => Some(clip.clone()),
+                    Motion::Markers { .. } => {
+                        return Err(Failure::Usage(
+                            "a skin that markers drive is no skinned mesh: write .npy, .gif or .png"
+                                .into(),
+                        ));
+                    }
                 };
                 let keys = clip
                     .iter()
@@ -122,7 +132,20 @@ impl Play {
     }
 
     /// The motion and the seconds between its samples.
-    fn motion(&self, body: &Avatar, say: &Say) -> Result<(Motion, Option<f64>), Failure> {
+    fn motion(
+        &self,
+        asset: &Asset<'_>,
+        body: &Avatar,
+        say: &Say,
+    ) -> Result<(Motion, Option<f64>), Failure> {
+        if let Some(path) = &self.markers {
+            let motion = markers::motion(asset, path, self.fitting.reading, say)?;
+            let period = match &motion {
+                Motion::Markers { rate, .. } => Some(1.0 / rate),
+                _ => None,
+            };
+            return Ok((motion, period));
+        }
         if let Some(path) = &self.motion {
             let (motion, notices) = load::motion(path, self.fitting.reading)?;
             let (clip, more) = self.fitting.fit(&motion, body, "motion")?;

@@ -11,6 +11,7 @@ pub mod floor;
 pub mod humanoid;
 pub mod laplace;
 mod names;
+pub mod parts;
 pub mod register;
 pub mod retarget;
 pub mod segment;

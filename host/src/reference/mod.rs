@@ -6,6 +6,7 @@ pub mod aim;
 pub mod dual;
 pub mod laplacian;
 pub mod morph;
+pub mod parts;
 pub mod pose;
 pub mod skin;
 mod unpack;

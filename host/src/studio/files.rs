@@ -211,6 +211,54 @@ impl Capture {
     }
 }
 
+/// Why a description of a capture cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DescriptionError {
+    /// It is no JSON.
+    #[error("no JSON: {0}; give the studio.json that `sinew studio` wrote")]
+    Json(#[from] serde_json::Error),
+    /// It is no description of a capture.
+    #[error(
+        "trajectories.all, entry {0}, is not {{column, spans}}; give the studio.json that `sinew studio` wrote"
+    )]
+    Trajectory(usize),
+}
+
+/// Reads the trajectories of a [`Capture::describe`]d capture.
+///
+/// # Errors
+/// Other bytes.
+pub fn read_trajectories(bytes: &[u8]) -> Result<Vec<Trajectory>, DescriptionError> {
+    let value: Value = serde_json::from_slice(bytes)?;
+    let all = value["trajectories"]["all"].as_array();
+    let all = all.ok_or(DescriptionError::Trajectory(0))?;
+    let number = |value: &Value| value.as_u64().and_then(|at| usize::try_from(at).ok());
+    let span = |value: &Value| {
+        Some(Span {
+            first_frame: number(&value[0])?,
+            frame_count: number(&value[1])?,
+            marker: match &value[2] {
+                Value::Null => None,
+                marker => Some(u32::try_from(number(marker)?).ok()?),
+            },
+        })
+    };
+    let trajectory = |value: &Value| {
+        Some(Trajectory {
+            column: number(&value["column"])?,
+            spans: value["spans"]
+                .as_array()?
+                .iter()
+                .map(span)
+                .collect::<Option<_>>()?,
+        })
+    };
+    let each = all.iter().enumerate();
+    each.map(|(at, value)| trajectory(value).ok_or(DescriptionError::Trajectory(at)))
+        .collect()
+}
+
 impl Statistics {
     /// The same as an object.
     #[must_use]

@@ -10,6 +10,7 @@
 //! | [`visibility`] | surface, markers, cameras | who sees whom, by ray casting |
 //! | [`capture`] | all of it | broken, unlabelled trajectories, and the truth |
 //! | [`files`], [`pictures`] | a capture | marker takes, C3D, JSON, NPY, pictures |
+//! | [`judge`] | a capture and what cleaning made of it | wrong labels, errors |
 //!
 //! [`rope`] is the same for a rope. One seed, one capture: on every machine, with any number of
 //! threads.
@@ -21,6 +22,7 @@ pub mod capture;
 mod error;
 pub mod files;
 pub mod flesh;
+pub mod judge;
 pub mod markers;
 pub mod performance;
 pub mod pictures;

@@ -30,6 +30,9 @@ pub fn run<P: Probe>(
     let positions = memory.take(3 * dims.vertex_count)?;
     let normals = memory.take(3 * dims.vertex_count)?;
 
+    let bound = cost(dims, Budget::UNLIMITED);
+    probe.number("bound_mul_adds", bound.mul_adds);
+    probe.number("bound_divisions", bound.divisions);
     let mut hash = Fingerprint::new();
     for seconds in clip.sample_times() {
         let input = black_box(Input::Clip {
@@ -79,6 +82,4 @@ fn numbers<P: Probe>(bytes: &[u8], dims: &Dims, probe: &mut P) {
     ] {
         probe.number(name, value as u64);
     }
-    let bound = cost(dims, Budget::UNLIMITED);
-    probe.number("bound_mul_adds_frame", bound.mul_adds);
 }

@@ -2,6 +2,7 @@
 
 mod blocks;
 mod clips;
+mod marker_skin;
 mod mesh;
 mod morphs;
 mod packed;
@@ -15,7 +16,7 @@ use super::{Asset, AssetError, SectionKind, Triangles};
 pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     let sections = Sections::find(bytes)?;
     let dims = sections.dims;
-    let asset = Asset {
+    let mut asset = Asset {
         dims,
         parents: sections.view(SectionKind::Parents)?,
         rest: sections.view(SectionKind::Rest)?,
@@ -50,6 +51,8 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
         },
         joint_names: sections.view(SectionKind::JointNames)?,
         names: sections.view(SectionKind::Names)?,
+        marker_skin: None,
+        marker_names: sections.view(SectionKind::MarkerNames)?,
     };
     skeleton::check(&asset)?;
     mesh::check(&asset)?;
@@ -57,6 +60,7 @@ pub(super) fn check(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     morphs::check(&asset)?;
     clips::check(&asset)?;
     packed::check(&asset)?;
+    asset.marker_skin = marker_skin::check(&asset, &sections)?;
     Ok(asset)
 }
 

@@ -60,6 +60,28 @@ pub(super) fn split(take: &Take) -> (Vec<Fragment>, Vec<(usize, usize)>) {
     (fragments, jumps)
 }
 
+/// Seconds that a fragment must live to count for the reference frame.
+const LEAST_LIFE: f64 = 0.1;
+
+/// The frame that shows most fragments that are not brief, the first of several.
+pub(super) fn fullest_frame(take: &Take, fragments: &[Fragment]) -> Option<usize> {
+    let frames = take.frame_count();
+    let mut change = vec![0_isize; frames + 1];
+    let least = ((LEAST_LIFE * take.rate()).ceil() as usize).min(frames);
+    for fragment in fragments.iter().filter(|one| one.frame_count() >= least) {
+        change[fragment.start] += 1;
+        change[fragment.end] -= 1;
+    }
+    let (mut alive, mut best) = (0, (0, None));
+    for (frame, change) in change.iter().enumerate().take(frames) {
+        alive += change;
+        if alive > best.0 {
+            best = (alive, Some(frame));
+        }
+    }
+    best.1
+}
+
 /// Whether the step to a sample departs from the steps before and after it.
 fn jumps_at(path: &[DVec3], at: usize) -> bool {
     let step = |to: usize| path[to] - path[to - 1];

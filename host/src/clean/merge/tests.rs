@@ -41,7 +41,7 @@ fn broken_sheet() -> (Vec<Vec<DVec3>>, Take) {
 #[test]
 fn fragments_find_their_markers() {
     let (truth, take) = broken_sheet();
-    let merged = merge(&take, &MergeOptions::default()).unwrap();
+    let merged = merge(&take, &MergeOptions::default(), &|_| ()).unwrap();
     assert_eq!(merged.reference_frame, Some(0));
     assert_eq!(merged.take.marker_count(), 25, "{:?}", merged.take.labels());
     assert_eq!(merged.ghosts().len(), 1);
@@ -60,12 +60,12 @@ fn fragments_find_their_markers() {
 fn named_takes_stay_as_they_are() {
     let path = vec![DVec3::X, DVec3::NAN, DVec3::Y];
     let take = Take::new(vec!["LASI".into()], 100.0, 3, path).unwrap();
-    let merged = merge(&take, &MergeOptions::default()).unwrap();
+    let merged = merge(&take, &MergeOptions::default(), &|_| ()).unwrap();
     assert_eq!(merged.take.labels(), take.labels());
     assert!(merged.fragments.is_empty() && merged.decisions.is_empty());
     let empty = Take::new(Vec::new(), 100.0, 0, Vec::new()).unwrap();
     assert_eq!(
-        merge(&empty, &MergeOptions::default())
+        merge(&empty, &MergeOptions::default(), &|_| ())
             .unwrap()
             .take
             .marker_count(),

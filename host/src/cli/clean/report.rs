@@ -6,6 +6,7 @@ use super::super::say::{Say, thousands};
 use super::Outcome;
 use crate::clean::smooth::amplitude_kept;
 use crate::export::plot::{Timeline, TimelineRow};
+use crate::studio::judge::Key;
 use crate::take::Take;
 
 /// Counts for the table: missing samples, gaps, longest gap, complete frames.
@@ -33,12 +34,12 @@ impl Outcome {
         let take = &self.merged.take;
         if !self.merged.fragments.is_empty() {
             say.line(format!(
-                "{} partial trajectories became {} markers; {} are ghosts, {} merges are doubtful, {} jumps were cut",
+                "{} partial trajectories became {} markers; {} are ghosts, {} merges are doubtful, {} swaps were undone",
                 thousands(self.merged.fragments.len() as u64),
                 take.marker_count(),
                 self.merged.ghosts().len(),
                 self.merged.doubtful().count(),
-                self.merged.jumps.len(),
+                self.merged.swaps().len(),
             ));
         }
         say.line(format!(
@@ -147,6 +148,37 @@ impl Outcome {
         })
     }
 
+    /// How far the outcome is from the truth.
+    pub(super) fn judge(&self, key: &Key, say: &Say) -> Value {
+        let labels = key.labels(&self.merged);
+        let errors = key.fill_errors(&labels, &self.filled);
+        let mm = |share: f64| {
+            let at = errors.len().saturating_sub(1) as f64 * share;
+            errors.get(at as usize).map_or(0.0, |metres| 1e3 * metres)
+        };
+        say.line(format!(
+            "against the truth: {} of {} trajectories are labelled wrong, {} were left out; {} of {} \
+             markers; {} of {} ghosts told",
+            labels.wrong,
+            thousands(labels.real as u64),
+            labels.left,
+            labels.found,
+            labels.markers,
+            labels.ghosts_told,
+            labels.ghosts
+        ));
+        say.line(format!(
+            "filled samples miss it by {:.2} mm (median), {:.2} mm (95 %), {:.1} mm (most)",
+            mm(0.5),
+            mm(0.95),
+            mm(1.0)
+        ));
+        let mut object = labels.to_json();
+        object["fill_error_mm"] =
+            json!({ "median": mm(0.5), "percentile_95": mm(0.95), "largest": mm(1.0) });
+        object
+    }
+
     /// Trajectories before and after, ghosts, and the evidence of each doubtful merge.
     fn merging(&self) -> Value {
         let merged = &self.merged;
@@ -164,20 +196,26 @@ impl Outcome {
                 "marker": merged.take.labels()[decision.marker],
                 "mean_over_spacing": decision.mean,
                 "worst_over_spacing": decision.worst,
-                "other_over_spacing": decision.other.is_finite().then_some(decision.other),
                 "neighbours": decision.support,
+                "log_odds": decision.odds,
+                "rival_log_odds": decision.rival.is_finite().then_some(decision.rival),
             })
         });
-        let jumps = merged.jumps.iter().map(
-            |&(column, frame)| json!({ "column": self.before.labels()[column], "frame": frame }),
-        );
+        let swaps = merged.swaps().into_iter().map(|swap| {
+            json!({
+                "column": self.before.labels()[swap.column],
+                "frame": swap.frame,
+                "from": merged.take.labels()[swap.from],
+                "to": merged.take.labels()[swap.to],
+            })
+        });
         json!({
             "trajectories": merged.fragments.len(),
             "markers": merged.take.marker_count(),
             "reference_frame": merged.reference_frame,
             "ghosts": merged.ghosts().into_iter().map(place).collect::<Vec<_>>(),
             "doubtful": doubtful.collect::<Vec<_>>(),
-            "jumps": jumps.collect::<Vec<_>>(),
+            "swaps": swaps.collect::<Vec<_>>(),
         })
     }
 

@@ -5,7 +5,7 @@
 //! the exact solutions of the user's poses, with a pull toward blended rigid motion, so that poses
 //! which were not fitted stay sane. Both reproduce rigid motion of the whole body exactly.
 
-mod blocks;
+pub(crate) mod blocks;
 mod least_squares;
 
 use glam::{DMat3, DQuat, DVec3};

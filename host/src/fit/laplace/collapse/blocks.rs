@@ -6,7 +6,7 @@ use sinew_core::asset::LANES;
 /// again, by their distance from the marker whose distances differ most, so that places which are
 /// near in space only (two thighs, hand and hip) part early.
 /// O(vertices log vertices (markers + log vertices))
-pub(super) fn order(markers: &[Vec<f32>]) -> Vec<u32> {
+pub(crate) fn order(markers: &[Vec<f32>]) -> Vec<u32> {
     /// Stands for the distance to another component; farther than any body is long.
     const APART: f32 = 1e3;
     let count = markers.first().map_or(0, Vec::len);

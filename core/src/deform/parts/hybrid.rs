@@ -1,0 +1,180 @@
+//! Skinning on part frames, over a rest shape that marker residuals displace.
+//!
+//! `v = M (v_0 + sum_k b_k r_k)`: `M` blends the frames of parts as any skin does, `r_k` is the
+//! residual of a marker in the rest pose, `b_k` its biharmonic weight. The rest normal becomes the
+//! cross product of the displaced tangents before `M` turns it.
+
+use core::ops::Range;
+
+use super::slots::{MarkerSlots, PartBlocks};
+use super::{PartsError, cross, tangents};
+use crate::Level;
+use crate::asset::LANES;
+use crate::deform::blocks::{Kernel, run};
+use crate::deform::dual::DualQuaternion;
+use crate::deform::lanes::Lanes;
+use crate::deform::linear::Linear;
+use crate::deform::output::Output;
+use crate::deform::skin::{Blend, move_point, to_unit_length, turn};
+use crate::deform::store::Store;
+use crate::math::Affine12;
+use crate::pose::Dual17;
+
+/// Frames of parts in a frame of motion.
+#[derive(Clone, Copy, Debug)]
+pub struct PartFrames<'f> {
+    /// `[parts]`: from the rest pose.
+    pub palette: &'f [Affine12],
+    /// `[parts]`: the same as dual quaternions; empty for a linear blend.
+    pub duals: &'f [Dual17],
+}
+
+/// A checked skin with residuals.
+#[derive(Clone, Copy, Debug)]
+pub struct Hybrid<'a> {
+    blocks: PartBlocks<'a>,
+    slots: MarkerSlots<'a>,
+}
+
+impl<'a> Hybrid<'a> {
+    /// Checks every table once; a step cannot fail after that. O(tables)
+    ///
+    /// # Errors
+    /// The first fault, with its place.
+    pub fn new_checked(
+        blocks: PartBlocks<'a>,
+        slots: MarkerSlots<'a>,
+        (parts, markers): (usize, usize),
+    ) -> Result<Self, PartsError> {
+        blocks.check(parts)?;
+        slots.check(blocks.block_count(), markers)?;
+        Ok(Self { blocks, slots })
+    }
+
+    /// The parts that move each block.
+    #[must_use]
+    pub fn part_blocks(&self) -> &PartBlocks<'a> {
+        &self.blocks
+    }
+
+    /// The markers whose residuals move each block.
+    #[must_use]
+    pub fn slots(&self) -> &MarkerSlots<'a> {
+        &self.slots
+    }
+
+    /// Number of blocks of eight vertices.
+    #[must_use]
+    pub fn block_count(&self) -> usize {
+        self.blocks.block_count()
+    }
+
+    /// Multiplications of all blocks with normals; an upper bound.
+    #[must_use]
+    pub fn multiply_adds(&self) -> usize {
+        let (parts, markers) = (self.blocks.parts.len(), self.slots.markers.len());
+        LANES * (13 * parts + 9 * markers + 100 * self.block_count())
+    }
+
+    /// Vertices of a range of blocks, which is cut to those that exist. Ranges may go to different
+    /// threads with outputs of their own.
+    ///
+    /// `residuals`: `[markers]`, metres, in the rest pose. The bits do not depend on `level`.
+    /// O(slots)
+    pub fn blocks(
+        &self,
+        frames: &PartFrames<'_>,
+        residuals: &[[f32; 3]],
+        blocks: Range<usize>,
+        level: Level,
+        output: &mut Output<'_>,
+    ) {
+        let palette = frames.palette;
+        if frames.duals.is_empty() {
+            let blend = Linear { palette };
+            self.by_blend(&blend, residuals, blocks, level, output);
+        } else {
+            let blend = DualQuaternion {
+                palette,
+                duals: frames.duals,
+                stretched: false,
+            };
+            self.by_blend(&blend, residuals, blocks, level, output);
+        }
+    }
+
+    fn by_blend<B: Blend>(
+        &self,
+        blend: &B,
+        residuals: &[[f32; 3]],
+        blocks: Range<usize>,
+        level: Level,
+        output: &mut Output<'_>,
+    ) {
+        let skin = self;
+        let stream = Stream {
+            skin,
+            blend,
+            residuals,
+        };
+        run(&stream, blocks, level, output);
+    }
+}
+
+struct Stream<'s, 'a, B> {
+    skin: &'s Hybrid<'a>,
+    blend: &'s B,
+    residuals: &'s [[f32; 3]],
+}
+
+impl<B: Blend> Kernel for Stream<'_, '_, B> {
+    fn order(&self) -> &[u32] {
+        self.skin.blocks.order
+    }
+
+    #[inline(always)]
+    fn blocks<L: Lanes, S: Store>(&self, token: L::Token, blocks: Range<usize>, store: &mut S) {
+        let wants_normals = store.wants_normals();
+        let rest = &self.skin.blocks;
+        for block in blocks {
+            let (slots, _) = rest.slots(block);
+            for first in (0..LANES).step_by(L::WIDTH) {
+                let at = (block, first);
+                let mut position = rest.position::<L>(token, block, first);
+                let mut normal = [L::splat(token, 0.0); 3];
+                if wants_normals {
+                    normal = rest.normal(token, block, first);
+                    let [along, across] = tangents(token, normal);
+                    let mut sums = [position, along, across];
+                    self.skin
+                        .slots
+                        .add_all(token, self.residuals, at, &mut sums);
+                    let [displaced, along, across] = sums;
+                    position = displaced;
+                    normal = cross(along, across);
+                } else {
+                    let slots = &self.skin.slots;
+                    slots.add_positions(token, self.residuals, at, &mut position);
+                }
+                let matrix = match *slots.binds {
+                    [part] => splat(token, self.blend.rigid(part)),
+                    _ => self.blend.matrix::<L>(token, &slots, first),
+                };
+                store.positions(block, first, move_point(&matrix, position));
+                if wants_normals {
+                    let turned = turn(&matrix, normal);
+                    store.normals(block, first, to_unit_length(token, turned));
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn splat<L: Lanes>(token: L::Token, matrix: &Affine12) -> [L; 12] {
+    let mut lanes = [L::splat(token, 0.0); 12];
+    for (lanes, &value) in lanes.iter_mut().zip(matrix) {
+        *lanes = L::splat(token, value);
+    }
+    lanes
+}

@@ -1,0 +1,545 @@
+//! From markers to part frames: what every mode does first.
+//!
+//! Each part's frame is fitted to its markers in closed form. A marker's *residual* is where it is,
+//! carried back to the rest pose by the frames around it, less where it was there. A marker that
+//! is missing keeps its last residual and so moves with its parts; a part with too few markers in
+//! sight moves with its parent.
+
+use core::borrow::BorrowMut;
+
+use super::error::{below, length, numbers, starts};
+use super::slots::row;
+use super::{PartsError, PartsTable};
+use crate::asset::NO_PARENT;
+use crate::deform::SizeError;
+use crate::math::{
+    Affine12, Quat4, affine, conjugate, dot4, normalise, quaternion_product, transform_point,
+    transform_vector,
+};
+use crate::pose::Dual17;
+use crate::solve::dense::{Pair, Rigid, absolute_orientation};
+
+/// Positions beyond this are damage, metres.
+const FAR: f32 = 1e6;
+
+/// Points this far from a pivot, metres, turn as the parent does, and count for this part of it:
+/// enough to decide what one marker leaves open, too little to hold back what several say.
+const TURN_REACH: f32 = 0.1;
+const TURN_WEIGHT: f32 = 0.01;
+
+/// Fits after the first where markers are out of place.
+const REFITS: usize = 2;
+
+/// Tables that lead from markers to part frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MarkerRigTables<'a> {
+    /// `[markers]`: rest position, metres.
+    pub rest: &'a [[f32; 3]],
+    /// `[parts]`: parent, before the part itself, or [`NO_PARENT`].
+    pub parents: &'a [u16],
+    /// `[parts]`: the joint that holds a part to its parent, in the rest pose, metres; then how much
+    /// it counts. It lets one or two markers turn a hand.
+    pub pivots: &'a [[f32; 4]],
+    /// `[parts + 1]`: first member of each part.
+    pub member_starts: &'a [u32],
+    /// Markers that fix a part's frame.
+    pub member_markers: &'a [u16],
+    /// How much each counts; at most 1.
+    pub member_weights: &'a [f32],
+    /// `[markers + 1]`: first carrier of each marker.
+    pub carrier_starts: &'a [u32],
+    /// Parts that carry a marker; at least one each.
+    pub carrier_parts: &'a [u16],
+    /// Their weights, which sum to one.
+    pub carrier_weights: &'a [f32],
+    /// Longest residual, metres; longer ones are shortened to it.
+    pub residual_limit: f32,
+}
+
+/// Checked tables from markers to part frames.
+#[derive(Clone, Copy, Debug)]
+pub struct MarkerRig<'a> {
+    tables: MarkerRigTables<'a>,
+}
+
+/// What following the markers found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct FollowReport {
+    /// Markers that were missing or not a number; they move with their parts.
+    pub held_markers: usize,
+    /// Markers that were further from their parts than any of the motion that was learnt.
+    pub limited_markers: usize,
+    /// Parts with too few markers in sight; they move with their parents.
+    pub held_parts: usize,
+}
+
+/// What a marker-driven skin remembers between frames, in the caller's memory:
+/// [`rig_state_len`] numbers.
+#[derive(Clone, Debug)]
+pub struct RigState<B> {
+    numbers: B,
+    started: bool,
+}
+
+/// Numbers of a [`RigState`].
+#[must_use]
+pub const fn rig_state_len(markers: usize, parts: usize) -> usize {
+    3 * markers + 7 * parts
+}
+
+/// Numbers of the workspace of [`MarkerRig::follow`].
+#[must_use]
+pub const fn rig_workspace_len(markers: usize, parts: usize) -> usize {
+    6 * markers + (12 + 17) * parts
+}
+
+impl<const N: usize> RigState<[f32; N]> {
+    /// A state with memory of its own, for a `static` too.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self::with([0.0; N])
+    }
+}
+
+impl<const N: usize> Default for RigState<[f32; N]> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<B> RigState<B> {
+    /// A state in the caller's memory; old contents do not matter.
+    #[must_use]
+    pub const fn with(numbers: B) -> Self {
+        Self {
+            numbers,
+            started: false,
+        }
+    }
+
+    /// Forgets everything: the next frame starts anew, as after a cut.
+    pub const fn reset(&mut self) {
+        self.started = false;
+    }
+}
+
+/// Markers and part frames of one frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Followed<'w> {
+    /// `[markers]`: metres, complete.
+    pub positions: &'w [[f32; 3]],
+    /// `[markers]`: residuals in the rest pose, metres.
+    pub residuals: &'w [[f32; 3]],
+    /// `[parts]`: from the rest pose to this frame.
+    pub palette: &'w [Affine12],
+    /// `[parts]`: the same as dual quaternions.
+    pub duals: &'w [Dual17],
+    /// What was missing.
+    pub report: FollowReport,
+}
+
+impl<'a> MarkerRig<'a> {
+    /// Checks every table once; a step cannot fail after that. O(tables)
+    ///
+    /// # Errors
+    /// The first fault, with its place.
+    pub fn new_checked(tables: MarkerRigTables<'a>) -> Result<Self, PartsError> {
+        let (markers, parts) = (tables.rest.len(), tables.parents.len());
+        for (table, found) in [(PartsTable::Markers, markers), (PartsTable::Parents, parts)] {
+            if !(1..=usize::from(u16::MAX)).contains(&found) {
+                let needed = 1;
+                return Err(PartsError::Length {
+                    table,
+                    needed,
+                    found,
+                });
+            }
+        }
+        for (at, &parent) in tables.parents.iter().enumerate() {
+            if parent != NO_PARENT && usize::from(parent) >= at {
+                let table = PartsTable::Parents;
+                return Err(PartsError::Index { table, at });
+            }
+        }
+        numbers(PartsTable::Markers, tables.rest.as_flattened(), FAR)?;
+        length(PartsTable::Parents, tables.pivots.len(), parts)?;
+        numbers(PartsTable::Parents, tables.pivots.as_flattened(), FAR)?;
+        if let Some(at) = tables.pivots.iter().position(|pivot| pivot[3] < 0.0) {
+            let table = PartsTable::Parents;
+            return Err(PartsError::Number { table, at });
+        }
+        let wide = |&at: &u16| usize::from(at);
+        let count = tables.member_markers.len();
+        length(PartsTable::Members, tables.member_weights.len(), count)?;
+        starts(tables.member_starts, parts, count)?;
+        below(
+            PartsTable::Members,
+            tables.member_markers.iter().map(wide),
+            markers,
+        )?;
+        share(PartsTable::Members, tables.member_weights)?;
+        let count = tables.carrier_parts.len();
+        length(PartsTable::Carriers, tables.carrier_weights.len(), count)?;
+        starts(tables.carrier_starts, markers, count)?;
+        below(
+            PartsTable::Carriers,
+            tables.carrier_parts.iter().map(wide),
+            parts,
+        )?;
+        share(PartsTable::Carriers, tables.carrier_weights)?;
+        for at in 0..markers {
+            let weights = tables.carrier_weights.get(row(tables.carrier_starts, at));
+            let sum: f32 = weights.unwrap_or_default().iter().sum();
+            if !(0.999..=1.001).contains(&sum) {
+                let table = PartsTable::Carriers;
+                return Err(PartsError::Number { table, at });
+            }
+        }
+        if !(0.0..=FAR).contains(&tables.residual_limit) {
+            let table = PartsTable::Markers;
+            return Err(PartsError::Number { table, at: markers });
+        }
+        Ok(Self { tables })
+    }
+
+    /// The tables.
+    #[must_use]
+    pub fn tables(&self) -> &MarkerRigTables<'a> {
+        &self.tables
+    }
+
+    /// Number of markers.
+    #[must_use]
+    pub fn marker_count(&self) -> usize {
+        self.tables.rest.len()
+    }
+
+    /// Number of parts.
+    #[must_use]
+    pub fn part_count(&self) -> usize {
+        self.tables.parents.len()
+    }
+
+    /// Multiplications of [`Self::follow`]; an upper bound for any input.
+    #[must_use]
+    pub fn multiply_adds(&self) -> usize {
+        // A pair goes through two passes and a look; an eigenproblem has 36 rotations of 40 each.
+        (1 + REFITS) * (40 * self.tables.member_markers.len() + 2_000 * self.part_count())
+            + 60 * self.marker_count()
+            + 9 * self.tables.carrier_parts.len()
+    }
+
+    /// Fits all part frames and completes the markers. First half of a frame in every mode.
+    ///
+    /// `positions`: `[markers]` in metres; those that are missing, NaN or infinite are held.
+    /// `state`: [`rig_state_len`]; `workspace`: [`rig_workspace_len`] numbers, old contents do not
+    /// matter. O(members + markers)
+    ///
+    /// # Errors
+    /// [`SizeError`] where state or workspace is too small.
+    pub fn follow<'w, B: BorrowMut<[f32]>>(
+        &self,
+        positions: &[[f32; 3]],
+        state: &mut RigState<B>,
+        workspace: &'w mut [f32],
+    ) -> Result<Followed<'w>, SizeError> {
+        let (markers, parts) = (self.marker_count(), self.part_count());
+        let Handles {
+            positions: complete,
+            residuals,
+            palette,
+            duals,
+        } = handles(workspace, markers, parts)?;
+        let found = state.numbers.borrow().len();
+        let short = SizeError::TooSmall {
+            buffer: "rig state",
+            needed: rig_state_len(markers, parts),
+            found,
+        };
+        let numbers = state.numbers.borrow_mut();
+        let (held, frames) = numbers.split_at_mut_checked(3 * markers).ok_or(short)?;
+        let frames = frames.get_mut(..7 * parts).ok_or(short)?;
+        let (held, frames) = (held.as_chunks_mut::<3>().0, frames.as_chunks_mut::<7>().0);
+        if !state.started {
+            state.started = true;
+            held.fill([0.0; 3]);
+            frames.fill([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+        }
+        let mut report = FollowReport::default();
+        for part in 0..parts {
+            let before = frames.get(part).map_or(Rigid::REST, unpack);
+            let above = self.above(part, duals);
+            let now = self.fit(part, positions, above).unwrap_or_else(|| {
+                report.held_parts += usize::from(!row(self.tables.member_starts, part).is_empty());
+                self.with_parent(part, &before, frames, duals)
+            });
+            if let Some(dual) = duals.get_mut(part) {
+                *dual = to_dual(&now);
+            }
+            if let Some(matrix) = palette.get_mut(part) {
+                *matrix = affine(now.rotation, now.translation, [1.0; 3]);
+            }
+        }
+        for (frame, dual) in frames.iter_mut().zip(&*duals) {
+            *frame = pack(&from_dual(dual));
+        }
+        let out = complete.iter_mut().zip(residuals.iter_mut()).zip(held);
+        for (marker, ((complete, residual), held)) in out.enumerate() {
+            let frame = self.carried(marker, duals);
+            let rest = self.tables.rest.get(marker).copied().unwrap_or_default();
+            let seen = positions.get(marker).filter(|position| usable(position));
+            let (limited, keep) = match seen {
+                None => {
+                    report.held_markers += 1;
+                    (*held, false)
+                }
+                Some(position) => {
+                    let found = less(carried_back(&frame, *position), rest);
+                    let short = shortened(found, self.tables.residual_limit);
+                    report.limited_markers += usize::from(short.is_some());
+                    (short.unwrap_or(found), short.is_none())
+                }
+            };
+            *held = limited;
+            *residual = limited;
+            *complete = match seen {
+                Some(position) if keep => *position,
+                _ => {
+                    let matrix = affine(frame.rotation, frame.translation, [1.0; 3]);
+                    let [x, y, z] = rest;
+                    let [a, b, c] = limited;
+                    transform_point(&matrix, [x + a, y + b, z + c])
+                }
+            };
+        }
+        Ok(Followed {
+            positions: complete,
+            residuals,
+            palette,
+            duals,
+            report,
+        })
+    }
+
+    /// This frame's matrix of a part's parent.
+    fn above(&self, part: usize, duals: &[Dual17]) -> Option<Affine12> {
+        let parent = self.tables.parents.get(part).copied()?;
+        let frame = from_dual(duals.get(usize::from(parent))?);
+        Some(affine(frame.rotation, frame.translation, [1.0; 3]))
+    }
+
+    /// The frame of a part from its markers in sight, held by its pivot, and as its parent turns
+    /// where both leave a turn open.
+    fn fit(&self, part: usize, positions: &[[f32; 3]], above: Option<Affine12>) -> Option<Rigid> {
+        let range = row(self.tables.member_starts, part);
+        let markers = self.tables.member_markers.get(range.clone())?;
+        let weights = self.tables.member_weights.get(range)?;
+        let rest = self.tables.rest;
+        let seen = markers
+            .iter()
+            .zip(weights)
+            .filter_map(|(&marker, &weight)| {
+                let &from = rest.get(usize::from(marker))?;
+                let &to = positions
+                    .get(usize::from(marker))
+                    .filter(|position| usable(position))?;
+                Some(Pair { from, to, weight })
+            });
+        // Without any marker the last frame is the better guess.
+        seen.clone().next()?;
+        let held = above.iter().flat_map(|above| {
+            let &[x, y, z, weight] = self.tables.pivots.get(part).unwrap_or(&[0.0; 4]);
+            let (far, open) = (TURN_REACH, TURN_WEIGHT * weight);
+            let pairs = [
+                ([x, y, z], weight),
+                ([x + far, y, z], open),
+                ([x, y + far, z], open),
+                ([x, y, z + far], open),
+            ];
+            pairs.map(|(from, weight)| Pair {
+                from,
+                to: transform_point(above, from),
+                weight,
+            })
+        });
+        let pairs = seen.chain(held);
+        let mut frame = absolute_orientation(pairs.clone())?;
+        // A marker far from where its part takes it is one that was taken for another: those count
+        // the less the further they are (Cauchy's weights), in two more fits at most.
+        let limit2 = self.tables.residual_limit * self.tables.residual_limit;
+        for _ in 0..REFITS {
+            let matrix = affine(frame.rotation, frame.translation, [1.0; 3]);
+            let off2 = |pair: &Pair| {
+                let [x, y, z] = less(transform_point(&matrix, pair.from), pair.to);
+                x * x + y * y + z * z
+            };
+            if pairs.clone().all(|pair| off2(&pair) <= limit2) {
+                break;
+            }
+            let weighed = pairs.clone().map(|pair| Pair {
+                weight: pair.weight * limit2 / (limit2 + off2(&pair) + 1e-12),
+                ..pair
+            });
+            frame = absolute_orientation(weighed)?;
+        }
+        Some(frame)
+    }
+
+    /// A part's last frame, moved as its parent has moved since.
+    fn with_parent(
+        &self,
+        part: usize,
+        before: &Rigid,
+        frames: &[[f32; 7]],
+        duals: &[Dual17],
+    ) -> Rigid {
+        let parent = self.tables.parents.get(part).copied().unwrap_or(NO_PARENT);
+        let parent = usize::from(parent);
+        let (Some(old), Some(new)) = (frames.get(parent).map(unpack), duals.get(parent)) else {
+            return *before;
+        };
+        let new = from_dual(new);
+        let turn = quaternion_product(new.rotation, conjugate(old.rotation));
+        let Some(turn) = normalise(turn) else {
+            return *before;
+        };
+        let matrix = affine(turn, new.translation, [1.0; 3]);
+        Rigid {
+            rotation: normalise(quaternion_product(turn, before.rotation)).unwrap_or(turn),
+            translation: transform_point(&matrix, less(before.translation, old.translation)),
+        }
+    }
+
+    /// The blended motion at a marker (Kavan et al. 2008, section 3).
+    fn carried(&self, marker: usize, duals: &[Dual17]) -> Rigid {
+        let range = row(self.tables.carrier_starts, marker);
+        let parts = self.tables.carrier_parts.get(range.clone());
+        let weights = self.tables.carrier_weights.get(range);
+        let mut sum = [0.0_f32; 8];
+        let carriers = parts
+            .unwrap_or_default()
+            .iter()
+            .zip(weights.unwrap_or_default());
+        for (&part, &weight) in carriers {
+            let Some(dual) = duals.get(usize::from(part)) else {
+                continue;
+            };
+            let near: f32 = sum
+                .iter()
+                .zip(dual)
+                .take(4)
+                .map(|(sum, value)| sum * value)
+                .sum();
+            let signed = if near < 0.0 { -weight } else { weight };
+            for (sum, value) in sum.iter_mut().zip(dual) {
+                *sum += signed * value;
+            }
+        }
+        let [x, y, z, w, a, b, c, d] = sum;
+        let length2 = dot4([x, y, z, w], [x, y, z, w]);
+        if !(1e-12..=1e12).contains(&length2) {
+            return Rigid::REST;
+        }
+        let factor = crate::math::inverse_sqrt(length2);
+        let unit = |q: Quat4| q.map(|value| value * factor);
+        rigid(unit([x, y, z, w]), unit([a, b, c, d]))
+    }
+}
+
+struct Handles<'w> {
+    positions: &'w mut [[f32; 3]],
+    residuals: &'w mut [[f32; 3]],
+    palette: &'w mut [Affine12],
+    duals: &'w mut [Dual17],
+}
+
+fn handles(workspace: &mut [f32], markers: usize, parts: usize) -> Result<Handles<'_>, SizeError> {
+    let short = SizeError::TooSmall {
+        buffer: "rig workspace",
+        needed: rig_workspace_len(markers, parts),
+        found: workspace.len(),
+    };
+    let (positions, rest) = workspace.split_at_mut_checked(3 * markers).ok_or(short)?;
+    let (residuals, rest) = rest.split_at_mut_checked(3 * markers).ok_or(short)?;
+    let (palette, rest) = rest.split_at_mut_checked(12 * parts).ok_or(short)?;
+    let duals = rest.get_mut(..17 * parts).ok_or(short)?;
+    Ok(Handles {
+        positions: positions.as_chunks_mut().0,
+        residuals: residuals.as_chunks_mut().0,
+        palette: palette.as_chunks_mut().0,
+        duals: duals.as_chunks_mut().0,
+    })
+}
+
+/// Checks weights between 0 and 1.
+fn share(table: PartsTable, weights: &[f32]) -> Result<(), PartsError> {
+    match weights.iter().position(|x| !(0.0..=1.0).contains(x)) {
+        Some(at) => Err(PartsError::Number { table, at }),
+        None => Ok(()),
+    }
+}
+
+fn usable(position: &[f32; 3]) -> bool {
+    position.iter().all(|x| (-FAR..=FAR).contains(x))
+}
+
+fn less([a, b, c]: [f32; 3], [x, y, z]: [f32; 3]) -> [f32; 3] {
+    [a - x, b - y, c - z]
+}
+
+/// The vector at its longest allowed, `None` where it is shorter.
+fn shortened(vector: [f32; 3], limit: f32) -> Option<[f32; 3]> {
+    let [x, y, z] = vector;
+    let length2 = x * x + y * y + z * z;
+    if length2 <= limit * limit {
+        return None;
+    }
+    let factor = limit * crate::math::inverse_sqrt(length2);
+    Some(vector.map(|value| value * factor))
+}
+
+/// A point of this frame in the rest pose.
+fn carried_back(frame: &Rigid, position: [f32; 3]) -> [f32; 3] {
+    let back = affine(conjugate(frame.rotation), [0.0; 3], [1.0; 3]);
+    transform_vector(&back, less(position, frame.translation))
+}
+
+fn to_dual(frame: &Rigid) -> Dual17 {
+    let [x, y, z] = frame.translation;
+    let half = quaternion_product([0.5 * x, 0.5 * y, 0.5 * z, 0.0], frame.rotation);
+    let mut dual = [0.0; 17];
+    let numbers = frame.rotation.into_iter().chain(half);
+    for (to, value) in dual.iter_mut().zip(numbers) {
+        *to = value;
+    }
+    for (to, value) in dual.iter_mut().skip(8).step_by(4).zip([1.0; 3]) {
+        *to = value;
+    }
+    dual
+}
+
+fn from_dual(&[x, y, z, w, a, b, c, d, ..]: &Dual17) -> Rigid {
+    rigid([x, y, z, w], [a, b, c, d])
+}
+
+/// From a unit dual quaternion: the translation is twice the dual part times the conjugate.
+fn rigid(rotation: Quat4, half: Quat4) -> Rigid {
+    let [x, y, z, _] = quaternion_product(half, conjugate(rotation));
+    Rigid {
+        rotation,
+        translation: [x + x, y + y, z + z],
+    }
+}
+
+fn pack(frame: &Rigid) -> [f32; 7] {
+    let ([x, y, z, w], [a, b, c]) = (frame.rotation, frame.translation);
+    [x, y, z, w, a, b, c]
+}
+
+fn unpack(&[x, y, z, w, a, b, c]: &[f32; 7]) -> Rigid {
+    Rigid {
+        rotation: [x, y, z, w],
+        translation: [a, b, c],
+    }
+}

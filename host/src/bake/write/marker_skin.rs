@@ -1,0 +1,90 @@
+//! A skin that markers drive: rig and one mode.
+
+use sinew_core::asset::{MarkerSkinDims, SectionKind as K};
+
+use super::{BakeError, Writer, limit};
+use crate::fit::parts::{BlockTables, ModeData, RigTables, SlotTables};
+
+/// A marker-driven skin as the asset holds it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MarkerSkinData {
+    /// `[markers]`: names.
+    pub names: Vec<String>,
+    /// From markers to part frames.
+    pub rig: RigTables,
+    /// From both to vertices.
+    pub mode: ModeData,
+}
+
+impl Writer {
+    pub(super) fn marker_skin(&mut self, skin: &MarkerSkinData) -> Result<(), BakeError> {
+        let rig = &skin.rig;
+        let most = usize::from(u16::MAX) - 1;
+        self.dims.marker_skin = MarkerSkinDims {
+            marker_count: limit("markers", rig.rest.len(), most)?,
+            part_count: limit("near-rigid parts", rig.parents.len(), most)?,
+            member_count: rig.member_markers.len(),
+            carrier_count: rig.carrier_parts.len(),
+            mode: match &skin.mode {
+                ModeData::Exact { .. } => 1,
+                ModeData::Collapsed { .. } => 2,
+                ModeData::Hybrid { .. } => 3,
+            },
+            ..MarkerSkinDims::default()
+        };
+        let names: Vec<[u32; 2]> = skin.names.iter().map(|name| self.name(name)).collect();
+        self.put(K::MarkerNames, names.as_flattened());
+        self.put(K::MarkerRest, rig.rest.as_flattened());
+        self.put(K::PartParents, &rig.parents);
+        self.put(K::PartPivots, rig.pivots.as_flattened());
+        self.put(K::MemberStarts, &rig.member_starts);
+        self.put(K::MemberMarkers, &rig.member_markers);
+        self.put(K::MemberWeights, &rig.member_weights);
+        self.put(K::CarrierStarts, &rig.carrier_starts);
+        self.put(K::CarrierParts, &rig.carrier_parts);
+        self.put(K::CarrierWeights, &rig.carrier_weights);
+        self.put(K::MarkerSkinOrder, skin.mode.order());
+        let mut smoothing = 0.0;
+        match &skin.mode {
+            ModeData::Collapsed { slots, .. } => self.marker_slots(slots),
+            ModeData::Hybrid { blocks, slots } => {
+                self.part_blocks(blocks);
+                self.marker_slots(slots);
+            }
+            ModeData::Exact { blocks, modes } => {
+                self.part_blocks(blocks);
+                smoothing = modes.smoothing;
+                self.dims.marker_skin.exact_member_count = modes.member_markers.len();
+                let gradients = modes.gradients.as_flattened().as_flattened();
+                self.put(K::PartSlotGradients, gradients);
+                self.put(K::PartToLocal, modes.to_local.as_flattened());
+                self.put(K::PartFromLocal, modes.from_local.as_flattened());
+                self.put(K::PartDilations, &modes.dilations);
+                self.put(K::ExactStarts, &modes.member_starts);
+                self.put(K::ExactMarkers, &modes.member_markers);
+                self.put(K::ExactLocal, modes.member_local.as_flattened());
+                self.put(K::ExactInverse, modes.member_inverse.as_flattened());
+            }
+        }
+        self.put(K::MarkerNumbers, &[rig.residual_limit, smoothing]);
+        Ok(())
+    }
+
+    fn part_blocks(&mut self, blocks: &BlockTables) {
+        self.dims.marker_skin.part_slot_count = blocks.parts.len();
+        let flat = |lanes: &[[[f32; 8]; 3]]| lanes.as_flattened().as_flattened().to_vec();
+        self.put(K::PartPositions, &flat(&blocks.positions));
+        self.put(K::PartNormals, &flat(&blocks.normals));
+        self.put(K::PartSlotStarts, &blocks.starts);
+        self.put(K::PartSlotParts, &blocks.parts);
+        self.put(K::PartSlotWeights, blocks.weights.as_flattened());
+    }
+
+    fn marker_slots(&mut self, slots: &SlotTables) {
+        self.dims.marker_skin.marker_slot_count = slots.markers.len();
+        self.put(K::MarkerSlotStarts, &slots.starts);
+        self.put(K::MarkerSlotMarkers, &slots.markers);
+        let shares = slots.shares.as_flattened().as_flattened();
+        self.put(K::MarkerSlotShares, shares);
+    }
+}

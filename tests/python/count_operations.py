@@ -1,0 +1,106 @@
+#!/usr/bin/env python3
+"""Counts the floating-point operations that a frame really executes, and compares them with `cost`.
+
+Run from the project's root: `python3 tests/python/count_operations.py ELF [--slack 0.15]`, where ELF
+is the firmware `counted` that `examples/cortex-m/run.sh --count` builds. QEMU logs every block of
+instructions that the emulated Cortex-M executes; multiplications and divisions between the marks of
+a frame are added up. `cost` must never be below them, and at most so much above.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import threading
+from collections import Counter
+
+EMULATOR = [
+    "qemu-system-arm", "-cpu", "cortex-m7", "-machine", "mps2-an500", "-nographic",
+    "-icount", "shift=0", "-semihosting-config", "enable=on,target=native",
+    "-d", "in_asm,exec,nochain",
+]  # fmt: skip
+INSTRUCTION = re.compile(r"^0x([0-9a-f]+):\s+(?:[0-9a-f]{4} ?)+\s+(\S+)")
+EXECUTED = re.compile(r"^Trace \d+: \S+ \[\w+/([0-9a-f]+)/")
+MULTIPLY = ("vmul", "vnmul", "vmla", "vmls", "vnmla", "vnmls", "vfma", "vfms", "vfnma", "vfnms")
+KINDS = {"mul_adds": MULTIPLY, "divisions": ("vdiv",), "adds": ("vadd", "vsub"), "roots": ("vsqrt",)}
+
+
+def kinds_of(mnemonic):
+    operation = mnemonic.split(".")[0]
+    return [kind for kind, names in KINDS.items() if operation in names]
+
+
+def frames(lines):
+    """Yields a counter for each marked frame."""
+    blocks, inside, block, counts, start = {}, False, None, None, None
+    for line in lines:
+        if line.startswith("Trace"):
+            found = EXECUTED.match(line)
+            if not found:
+                continue
+            name = line.rstrip().rsplit("] ", 1)[-1]
+            if name == "frame_begins":
+                inside, counts = True, Counter()
+            elif name == "frame_ends" and inside:
+                inside = False
+                yield counts
+            elif inside:
+                counts.update(blocks.get(int(found[1], 16), {}))
+        elif line.startswith("IN:"):
+            block = Counter()
+            start = None
+        elif block is not None and (found := INSTRUCTION.match(line)):
+            if start is None:
+                start = int(found[1], 16)
+                blocks[start] = block
+            block["instructions"] += 1
+            block.update(kinds_of(found[2]))
+
+
+def run(elf):
+    """The counters of all marked frames, and the bounds that the firmware printed."""
+    with tempfile.TemporaryDirectory() as folder:
+        pipe = os.path.join(folder, "log")
+        os.mkfifo(pipe)
+        emulator = subprocess.Popen(
+            [*EMULATOR, "-D", pipe, "-kernel", elf],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        printed = []
+        reader = threading.Thread(target=lambda: printed.extend(emulator.stdout))
+        reader.start()
+        with open(pipe, encoding="latin-1") as log:
+            found = list(frames(log))
+        reader.join()
+        if emulator.wait() != 0:
+            sys.exit(f"{elf}: the firmware failed")
+    bounds = dict(line.strip().split(" = ") for line in printed if line.startswith("bound_"))
+    return found, {name.removeprefix("bound_"): int(value) for name, value in bounds.items()}
+
+
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments.add_argument("elf")
+    arguments.add_argument("--slack", type=float, default=0.15)
+    arguments.add_argument("--name", default="frame")
+    given = arguments.parse_args()
+    found, bounds = run(given.elf)
+    if not found or not bounds:
+        sys.exit(f"{given.elf}: no marked frame, or no bound")
+    failed = False
+    for kind in ("mul_adds", "divisions"):
+        most, bound = max(frame[kind] for frame in found), bounds[kind]
+        above = bound / most - 1 if most else float(bound > 0)
+        fault = most > bound or (kind == "mul_adds" and above > given.slack)
+        failed |= fault
+        print(f"{given.name:<24} {kind:<10} {most:>9} executed, {bound:>9} bound"
+              f" ({above:+.1%}){' FAULT' if fault else ''}")  # fmt: skip
+    sys.exit(failed)
+
+
+if __name__ == "__main__":
+    main()
