@@ -45,5 +45,5 @@ bundled() {
     mkdir -p "$(dirname "$1")"
     (cd "$root" && cargo run --release --quiet -p sinew-host -- bake --quiet \
         --mesh examples/data/human.glb --motion examples/data/walk.bvh \
-        --motion examples/data/kneel.bvh --output "$1")
+        --motion examples/data/kneel.bvh --free-feet --output "$1")
 }

@@ -88,7 +88,12 @@ fn virtual_capture(file: &Path, seconds: f64) -> Errors {
     let capture = Shot::default().film(&film, &markers, &|_| ()).unwrap();
     let mut take = capture.labelled_take().unwrap();
     lose(&mut take, 0.1, &mut Random(7));
-    let found = solved(&take);
+    // The studio's markers have no thickness.
+    let options = SolveOptions {
+        marker_radius: 0.0,
+        ..SolveOptions::default()
+    };
+    let found = solve(&take, "test", options, Progress::SILENT).unwrap();
     assert!(found.by_labels);
 
     let truth = Humanoid::new(&avatar.skeleton, Which::Target).unwrap();
@@ -167,8 +172,8 @@ fn mean(turns: &[DQuat]) -> DQuat {
 fn a_known_skeleton_comes_back() {
     let errors = virtual_capture(&root().join("examples/data/kneel.bvh"), 6.0);
     assert!(errors.missing >= 0.1);
-    assert!(errors.centres <= 0.016, "{}", errors.centres);
-    assert!(errors.rotations.to_degrees() <= 7.0);
+    assert!(errors.centres <= 0.013, "{}", errors.centres);
+    assert!(errors.rotations.to_degrees() <= 6.5);
 }
 
 #[test]

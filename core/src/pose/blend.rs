@@ -132,7 +132,7 @@ fn weight_of(joint: usize, weight: f32, mask: Option<&[f32]>) -> f32 {
 /// `mask: [joints]`, old contents do not matter. A joint that does not exist leaves all outside.
 /// O(joints)
 pub fn mask_below(asset: &Asset<'_>, joint: usize, inside: f32, outside: f32, mask: &mut [f32]) {
-    // Parents come first: while it is built, a negative zero or one marks what is inside.
+    // Parents come first, so one pass hands the mark down; weights replace it then.
     for at in 0..mask.len() {
         let parent = asset.parents.get(at).copied().unwrap_or(NO_PARENT);
         let above = if parent == NO_PARENT {

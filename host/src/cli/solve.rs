@@ -16,7 +16,7 @@ use crate::export::plot::{Chart, Series, Style};
 use crate::export::png::write_png;
 use crate::export::write_atomic;
 use crate::film::skeleton;
-use crate::fit::solve::{MarkerSet, Progress, SolveOptions, Solved, solve};
+use crate::fit::solve::{FAULT, MarkerSet, Progress, SolveOptions, Solved, solve};
 
 /// Find the skeleton and its motion in a marker capture: joint centres and bone lengths from the
 /// motion, joint rotations from all markers at once.
@@ -43,6 +43,9 @@ pub(crate) struct Solve {
     /// Bridge gaps by the segment's other markers alone instead of estimating them first.
     #[arg(long)]
     no_fill: bool,
+    /// From the skin to the centre of a marker, millimetres.
+    #[arg(long, value_name = "MM", default_value_t = 1e3 * SolveOptions::default().marker_radius)]
+    marker_radius: f64,
     /// Order of the rotation channels, such as ZXY or XYZ.
     #[arg(long, value_name = "ORDER", default_value = "ZXY", value_parser = order)]
     order: RotationOrder,
@@ -84,6 +87,10 @@ impl Solve {
         if !(self.units_per_metre.is_finite() && self.units_per_metre > 0.0) {
             return Err(Failure::Usage("--units-per-metre must be above 0".into()));
         }
+        if !(0.0..=100.0).contains(&self.marker_radius) {
+            let text = "--marker-radius must lie between 0 and 100 mm";
+            return Err(Failure::Usage(text.into()));
+        }
         let (take, notices) = load::take(&self.take, self.reading)?;
         let name = self.take.display().to_string();
         say.notices(&name, &notices);
@@ -94,6 +101,7 @@ impl Solve {
                 Set::Groups => MarkerSet::Groups,
             },
             fill: !self.no_fill,
+            marker_radius: self.marker_radius / 1e3,
         };
         let begun = Instant::now();
         let bar: Mutex<Option<ProgressBar>> = Mutex::new(None);
@@ -172,6 +180,13 @@ fn tell(solved: &Solved, frames: usize, seconds: f64, say: &Say) {
         "markers lie {:.1} mm (rms) from where the skeleton carries them",
         1e3 * solved.residual
     ));
+    if solved.faults > 0 {
+        say.line(format!(
+            "note: {} samples are farther than {:.0} mm from there and count as faults",
+            thousands(solved.faults as u64),
+            1e3 * FAULT
+        ));
+    }
     let mut worst: Vec<_> = solved.markers.iter().collect();
     worst.sort_by(|a, b| b.rms.total_cmp(&a.rms));
     for marker in worst.iter().take(5) {
@@ -243,6 +258,7 @@ fn to_json(solved: &Solved) -> Value {
             "joint": name(marker.joint),
             "offset_m": marker.offset.to_array(),
             "seen": marker.seen,
+            "faults": marker.faults,
             "rms_m": marker.rms,
             "worst_m": marker.worst.0,
             "worst_frame": marker.worst.1,
@@ -261,6 +277,7 @@ fn to_json(solved: &Solved) -> Value {
         "by_labels": solved.by_labels,
         "scale": solved.by_labels.then_some(solved.scale),
         "residual_rms_m": solved.residual,
+        "faults": solved.faults,
         "held_frames": solved.held_frames,
         "ignored": solved.ignored,
         "markers": markers.collect::<Vec<_>>(),

@@ -185,22 +185,22 @@ impl Leg {
             })
             .collect();
         self.anchors = self.anchor(&feet);
-        // First the turns: a foot that stands on heel and ball lies flat on both.
-        let known: Vec<Option<DQuat>> = feet
-            .iter()
-            .zip(&self.anchors)
-            .map(|(foot, anchors)| {
-                let [Some(heel), Some(ball)] = *anchors else {
-                    return anchors
-                        .iter()
-                        .any(Option::is_some)
-                        .then_some(DQuat::IDENTITY);
-                };
-                let [a, b] = self.sole.stand.map(|point| foot.turn * point);
-                let (from, to) = ((b - a).try_normalize()?, (ball - heel).try_normalize()?);
-                Some(DQuat::from_rotation_arc(from, to))
-            })
-            .collect();
+        // First the turns: a foot that stands on heel and ball lies flat on both, and where one
+        // stands alone the other is not below it.
+        let turn = |(foot, anchors): (&Goal, &[Option<DVec3>; 2])| {
+            let [a, b] = self.sole.stand.map(|point| foot.turn * point);
+            let along = (b - a).try_normalize()?;
+            let level = DVec3::new(along.x, 0.0, along.z).try_normalize()?;
+            let to = match *anchors {
+                [Some(heel), Some(ball)] => (ball - heel).try_normalize()?,
+                [Some(_), None] if along.y < 0.0 => level,
+                [None, Some(_)] if along.y > 0.0 => level,
+                [None, None] => return None,
+                _ => along,
+            };
+            Some(DQuat::from_rotation_arc(along, to))
+        };
+        let known: Vec<Option<DQuat>> = feet.iter().zip(&self.anchors).map(turn).collect();
         let turns = smoothed(
             &spread(&known, times, DQuat::IDENTITY, |a, b, t| a.slerp(b, t)),
             times,

@@ -58,6 +58,9 @@ pub struct Marker {
     pub spread: f64,
 }
 
+/// Noise before it is known, metres.
+pub const FIRST_NOISE: f64 = 0.006;
+
 /// Segments and markers, with the size of the subject.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Body {
@@ -67,6 +70,8 @@ pub struct Body {
     pub markers: Vec<Marker>,
     /// Factor from the expectations to the subject.
     pub scale: f64,
+    /// Standard deviation of a marker against its segments, metres: skin moves on bones.
+    pub noise: f64,
 }
 
 /// Where the root is and how each joint turns against its parent.

@@ -15,7 +15,7 @@ use crate::clean::linear::Cholesky;
 
 /// Share of the next segment in a marker near its joint: usual, spread, most.
 pub const BLEND: f64 = 0.15;
-const BLEND_SPREAD: f64 = 0.2;
+const BLEND_SPREAD: f64 = 0.25;
 const MOST_BLEND: f64 = 0.8;
 
 /// A frame with its markers and its pose so far.
@@ -43,7 +43,7 @@ impl Default for Weighing {
         Self {
             scale_spread: 0.15,
             mirror_spread: 0.004,
-            independent_frames: 40.0,
+            independent_frames: 30.0,
         }
     }
 }
@@ -189,7 +189,7 @@ impl System {
                 let column = unknowns.marker(sample.marker);
                 others.extend((0..3).map(|axis| (column + axis, axes.col(axis))));
                 let residual = at - sample.at;
-                let (_, weight) = loss(residual.length_squared(), sample.weight);
+                let (_, weight) = loss(residual.length_squared(), sample.weight, body.noise);
                 pose.add(&columns, residual, weight);
                 own.add(&others, residual, weight);
                 for &(row, a) in &columns {

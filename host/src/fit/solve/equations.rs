@@ -18,8 +18,6 @@ pub struct Sample {
     pub weight: f64,
 }
 
-/// Standard deviation of a marker against its segment, metres: skin moves on bones.
-pub const MARKER_SPREAD: f64 = 0.005;
 /// Residuals well beyond this are taken for faults and lose their weight (Cauchy's loss), metres.
 const FAULT: f64 = 0.05;
 
@@ -105,9 +103,9 @@ pub fn parent_axes(body: &Body, placed: &Placed, segment: usize) -> DMat3 {
     parent.map_or(DMat3::IDENTITY, |parent| placed.rotations[parent])
 }
 
-/// Loss and weight of a residual of `length` metres, both in units of [`MARKER_SPREAD`].
-pub fn loss(length2: f64, weight: f64) -> (f64, f64) {
-    let scale = weight / (MARKER_SPREAD * MARKER_SPREAD);
+/// Loss and weight of a squared residual, metres, of markers that stray by `noise`.
+pub fn loss(length2: f64, weight: f64, noise: f64) -> (f64, f64) {
+    let scale = weight / (noise * noise);
     let ratio = length2 / (FAULT * FAULT);
     (
         0.5 * scale * FAULT * FAULT * ratio.ln_1p(),
@@ -224,7 +222,7 @@ pub fn cost(
     let of = |sample: &Sample| {
         let marker = &body.markers[sample.marker];
         let residual = body.marker(marker, &placed) - sample.at;
-        loss(residual.length_squared(), sample.weight).0
+        loss(residual.length_squared(), sample.weight, body.noise).0
     };
     let markers: f64 = samples.iter().map(of).sum();
     markers + expectations(body, layout, pose, pull, None)
@@ -246,7 +244,7 @@ pub fn normal(
         let at = body.marker(marker, &placed);
         layout.columns_of(body, &placed, marker, at, &mut columns);
         let residual = at - sample.at;
-        let (_, weight) = loss(residual.length_squared(), sample.weight);
+        let (_, weight) = loss(residual.length_squared(), sample.weight, body.noise);
         normal.add(&columns, residual, weight);
     }
     expectations(body, layout, pose, pull, Some(&mut normal));
@@ -267,7 +265,7 @@ mod tests {
         let known: Vec<_> = known
             .map(|(at, label)| (at, landmark(label).unwrap()))
             .collect();
-        let mut body = template::body(&known);
+        let mut body = template::body(&known, 0.0);
         body.markers
             .iter_mut()
             .for_each(|marker| marker.blend = 0.3);

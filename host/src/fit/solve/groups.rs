@@ -8,7 +8,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::body::{Body, Marker, Segment};
+use super::body::{Body, FIRST_NOISE, Marker, Segment};
 use super::error::SolveError;
 use crate::clean::linear::Cholesky;
 use crate::clean::rigid::Rigid;
@@ -231,6 +231,7 @@ impl Group {
 fn join(take: &Take, groups: &[Group]) -> Body {
     let mut body = Body {
         scale: 1.0,
+        noise: FIRST_NOISE,
         ..Body::default()
     };
     let mut joints: Vec<DVec3> = Vec::new();

@@ -12,7 +12,7 @@ use crate::fit::Side;
 pub struct Place {
     /// What carries it.
     pub bone: Bone,
-    /// On the left side of the template, metres.
+    /// On the skin of the template's left side, metres.
     pub at: [f64; 3],
     /// Standard deviation, metres.
     pub spread: f64,
@@ -56,16 +56,16 @@ const fn pair(names: &'static [&'static str], bone: Bone, at: [f64; 3], spread: 
 }
 
 /// Bony landmarks, markers that are placed by eye, and such whose place is open.
-const BONY: f64 = 0.015;
+const BONY: f64 = 0.012;
 const NEAR: f64 = 0.03;
 const LOOSE: f64 = 0.08;
 
 #[rustfmt::skip]
 const TABLE: &[Entry] = &[
     // Pelvis.
-    pair(&["ASI", "asis", "fwt", "waistfront", "iasis"], Bone::Hips, [0.125, 1.00, 0.095], 0.02),
-    pair(&["PSI", "psis", "bwt", "waistback", "ipsis"], Bone::Hips, [0.05, 1.02, -0.105], 0.02),
-    mid(&["SACR", "sacrum", "vsac", "vsacral", "sacral", "sac"], Bone::Hips, [0.0, 1.01, -0.115], 0.02),
+    pair(&["ASI", "asis", "fwt", "waistfront", "iasis"], Bone::Hips, [0.122, 1.00, 0.088], 0.025),
+    pair(&["PSI", "psis", "bwt", "waistback", "ipsis"], Bone::Hips, [0.05, 1.02, -0.098], 0.025),
+    mid(&["SACR", "sacrum", "vsac", "vsacral", "sacral", "sac"], Bone::Hips, [0.0, 1.01, -0.108], 0.025),
     pair(&["MWT", "iliaccrest", "icrest", "ilcrest"], Bone::Hips, [0.155, 1.03, -0.01], NEAR),
     pair(&["HJC", "hjcreg", "hipcenter", "hipcentre", "hipjc"], Bone::Hips, [0.088, 0.915, 0.005], 0.01),
     // Legs.
@@ -73,21 +73,21 @@ const TABLE: &[Entry] = &[
     pair(&["THI", "thigh", "th1", "th2", "th3", "th4", "th5", "thigh1", "thigh2", "thigh3", "thigh4", "thigh5",
         "thighupper", "thighfront", "thighrear", "qua"], Bone::UpLeg, [0.14, 0.70, 0.02], LOOSE),
     pair(&["KNE", "knee", "kneeout", "lfc", "latknee", "kneelat", "kneelateral", "lek", "lknelateral"],
-        Bone::UpLeg, [0.143, 0.49, 0.0], BONY),
+        Bone::UpLeg, [0.135, 0.49, 0.0], BONY),
     pair(&["KNM", "kni", "kneein", "mfc", "medknee", "kneemed", "kneemedial", "mkn", "mek", "kneei"],
-        Bone::UpLeg, [0.038, 0.49, 0.0], BONY),
+        Bone::UpLeg, [0.041, 0.49, 0.0], BONY),
     pair(&["KJC", "kneejc"], Bone::UpLeg, [0.088, 0.49, 0.005], 0.01),
     pair(&["TIB", "tibia", "shn", "shin", "shank", "sha", "tb1", "tb2", "tb3", "shankupper", "shankfront",
         "shankrear", "sh1", "sh2", "sh3", "sh4", "shankantsup"], Bone::Leg, [0.13, 0.31, 0.02], LOOSE),
     pair(&["TT", "tibialtub", "tibtub"], Bone::Leg, [0.088, 0.44, 0.05], NEAR),
     pair(&["ANK", "ankle", "ankleout", "lmal", "latankle", "anklelat", "anklelateral", "lm"],
-        Bone::Leg, [0.128, 0.08, -0.005], BONY),
+        Bone::Leg, [0.123, 0.08, 0.0], BONY),
     pair(&["MMA", "mmal", "anklein", "medankle", "anklemed", "anklemedial", "man", "med", "mal"],
-        Bone::Leg, [0.048, 0.085, 0.005], BONY),
+        Bone::Leg, [0.053, 0.085, 0.005], BONY),
     pair(&["AJC", "anklejc"], Bone::Leg, [0.088, 0.08, 0.005], 0.01),
     pair(&["HEE", "heel", "hel", "cal", "calc", "calcaneus"], Bone::Foot, [0.09, 0.04, -0.055], 0.02),
     pair(&["TOE", "mt2", "toe2", "midfoot", "dmt2"], Bone::Foot, [0.105, 0.04, 0.135], NEAR),
-    pair(&["MT5", "5meta", "toeout", "mth5", "toelat", "vmh", "dmt5"], Bone::Foot, [0.145, 0.03, 0.095], 0.02),
+    pair(&["MT5", "5meta", "toeout", "mth5", "toelat", "vmh", "dmt5"], Bone::Foot, [0.140, 0.03, 0.095], 0.02),
     pair(&["MT1", "1meta", "toein", "mth1", "toemed", "fmh", "dmt1"], Bone::Foot, [0.065, 0.035, 0.135], 0.02),
     pair(&["MFS", "midfootsup"], Bone::Foot, [0.09, 0.07, 0.06], NEAR),
     pair(&["MFL", "midfootlat"], Bone::Foot, [0.13, 0.03, 0.04], NEAR),
@@ -110,20 +110,20 @@ const TABLE: &[Entry] = &[
     mid(&["HSD", "headside"], Bone::Head, [0.07, 1.66, 0.0], LOOSE),
     // Arms.
     pair(&["SHO", "shoulder", "acr", "acromion", "acromium", "shouldertop", "shouldr", "sh"],
-        Bone::Shoulder, [0.185, 1.465, -0.01], 0.02),
+        Bone::Shoulder, [0.183, 1.458, -0.01], 0.02),
     pair(&["FSH", "shoulderfront"], Bone::Shoulder, [0.165, 1.43, 0.055], 0.04),
     pair(&["BSH", "shoulderback"], Bone::Shoulder, [0.16, 1.44, -0.075], 0.04),
     pair(&["UPA", "uarmhigh", "uarm", "upperarm", "bicep", "biceps", "humerus", "ua1", "ua2", "ua3", "arm"],
         Bone::Arm, [0.32, 1.45, -0.015], LOOSE),
-    pair(&["ELB", "elbow", "elbowout", "lel", "elbowlat", "latelbow", "elblat"], Bone::Arm, [0.46, 1.45, -0.02], 0.02),
-    pair(&["ELM", "iel", "elbowin", "mel", "elbowmed", "medelbow", "elbmed"], Bone::Arm, [0.46, 1.37, -0.02], 0.02),
+    pair(&["ELB", "elbow", "elbowout", "lel", "elbowlat", "latelbow", "elblat"], Bone::Arm, [0.46, 1.443, -0.015], 0.02),
+    pair(&["ELM", "iel", "elbowin", "mel", "elbowmed", "medelbow", "elbmed"], Bone::Arm, [0.46, 1.377, -0.015], 0.02),
     pair(&["FRM", "fra", "farm", "forearm", "lowerarm", "larm"], Bone::ForeArm, [0.60, 1.44, -0.015], LOOSE),
     pair(&["WRA", "iwr", "wristin", "wrir", "wristradius", "faradius", "wristmed", "rad", "wristthumb"],
-        Bone::ForeArm, [0.705, 1.415, 0.02], 0.02),
+        Bone::ForeArm, [0.705, 1.41, 0.013], 0.02),
     pair(&["WRB", "owr", "wristout", "wriu", "wristulna", "faulna", "wristlat", "uln", "wristpinky"],
-        Bone::ForeArm, [0.705, 1.415, -0.05], 0.02),
-    pair(&["WRI", "wrist", "wr"], Bone::ForeArm, [0.705, 1.44, -0.015], NEAR),
-    pair(&["FIN", "handout", "hand", "hnd", "mcp3", "finger"], Bone::Hand, [0.80, 1.435, -0.015], NEAR),
+        Bone::ForeArm, [0.705, 1.41, -0.043], 0.02),
+    pair(&["WRI", "wrist", "wr"], Bone::ForeArm, [0.705, 1.433, -0.015], NEAR),
+    pair(&["FIN", "handout", "hand", "hnd", "mcp3", "finger"], Bone::Hand, [0.79, 1.428, -0.015], NEAR),
     pair(&["IHAND", "handin", "mcp1"], Bone::Hand, [0.79, 1.425, 0.02], NEAR),
     pair(&["OHAND", "mcp5", "pinky"], Bone::Hand, [0.78, 1.425, -0.05], NEAR),
     pair(&["THM", "thumb", "thmb"], Bone::Hand, [0.76, 1.40, 0.05], 0.04),

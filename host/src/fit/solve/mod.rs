@@ -26,7 +26,7 @@ pub mod template;
 mod track;
 
 pub use error::SolveError;
-pub use result::{Bone, MarkerReport, Solved};
+pub use result::{Bone, FAULT, MarkerReport, Solved};
 
 use body::{Body, Placed};
 use calibrate::{Frame, Weighing, calibrate};
@@ -56,6 +56,8 @@ pub struct SolveOptions {
     pub set: MarkerSet,
     /// Estimate missing samples first; they count by how sure they are.
     pub fill: bool,
+    /// From the skin to the centre of a marker, metres.
+    pub marker_radius: f64,
 }
 
 impl Default for SolveOptions {
@@ -63,6 +65,7 @@ impl Default for SolveOptions {
         Self {
             set: MarkerSet::Auto,
             fill: true,
+            marker_radius: 0.007,
         }
     }
 }
@@ -88,6 +91,8 @@ impl Progress<'_> {
 const NEEDED: usize = 3;
 /// Share of labels that must be landmarks for a set to be recognised.
 const RECOGNISED: f64 = 0.5;
+/// Least and most that markers are taken to stray, metres.
+const NOISE: (f64, f64) = (0.0045, 0.01);
 /// Rounds of calibration, and steps in each.
 const ROUNDS: usize = 3;
 const STEPS: usize = 15;
@@ -106,7 +111,7 @@ pub fn solve(
     if take.frame_count() == 0 || take.bounds().is_none() {
         return Err(SolveError::Empty);
     }
-    let (mut body, by_labels) = first_body(take, options.set)?;
+    let (mut body, by_labels) = first_body(take, options)?;
     (progress.stage)("calibrate", ROUNDS);
     let no_start = || SolveError::NoStart {
         needed: root_labels(&body, take),
@@ -128,7 +133,8 @@ pub fn solve(
             scale_spread: if by_labels { 0.15 } else { 1e-6 },
             ..Weighing::default()
         };
-        calibrate(&mut body, &mut frames, weighing, STEPS);
+        let residual = calibrate(&mut body, &mut frames, weighing, STEPS);
+        body.noise = residual.clamp(NOISE.0, NOISE.1);
         if round + 1 < ROUNDS {
             let placed = |frame: &Frame| body.place(&frame.pose);
             let placed: Vec<(usize, Placed)> =
@@ -159,7 +165,8 @@ fn fill_gaps(take: &Take, options: SolveOptions, progress: Progress<'_>) -> Opti
 }
 
 /// The template with the take's landmarks, or groups.
-fn first_body(take: &Take, set: MarkerSet) -> Result<(Body, bool), SolveError> {
+fn first_body(take: &Take, options: SolveOptions) -> Result<(Body, bool), SolveError> {
+    let set = options.set;
     if set == MarkerSet::Groups {
         return Ok((groups::body(take)?, false));
     }
@@ -180,7 +187,7 @@ fn first_body(take: &Take, set: MarkerSet) -> Result<(Body, bool), SolveError> {
     let enough = pelvis >= NEEDED || pelvis >= 1 && pelvis + trunk >= NEEDED;
     let many = known.len() as f64 >= RECOGNISED * columns.len() as f64 || known.len() >= 12;
     if enough && many {
-        return Ok((template::body(&known), true));
+        return Ok((template::body(&known, options.marker_radius), true));
     }
     if set == MarkerSet::Labels {
         let needed = if enough {

@@ -6,6 +6,9 @@ use super::body::{Body, Pose};
 use crate::model::{Channel, Clip, Interpolation, Joint, Motion, Skeleton, Track, Transform};
 use crate::take::Take;
 
+/// A marker this far from where its skeleton carries it is another one, metres.
+pub const FAULT: f64 = 0.1;
+
 /// What a solve gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solved {
@@ -20,8 +23,11 @@ pub struct Solved {
     pub ignored: Vec<String>,
     /// Lengths between joints.
     pub bones: Vec<Bone>,
-    /// Root mean square distance of measured markers from where the skeleton carries them, metres.
+    /// Root mean square distance of measured markers from where the skeleton carries them, metres,
+    /// without faults.
     pub residual: f64,
+    /// Samples farther than [`FAULT`] from there: exchanged or mistaken markers.
+    pub faults: usize,
     /// Subject over template, where labels were understood.
     pub scale: f64,
     /// Frames that showed too little and took over their neighbours' pose.
@@ -39,7 +45,9 @@ pub struct MarkerReport {
     pub offset: DVec3,
     /// Frames in which it was measured.
     pub seen: usize,
-    /// Root mean square distance from its place, metres.
+    /// Those in which it was farther than [`FAULT`] from its place.
+    pub faults: usize,
+    /// Root mean square distance from its place in the others, metres.
     pub rms: f64,
     /// Largest distance, metres, and its frame.
     pub worst: (f64, usize),
@@ -76,6 +84,7 @@ pub(super) fn report(
             joint: marker.segment,
             offset: marker.offset,
             seen: 0,
+            faults: 0,
             rms: 0.0,
             worst: (0.0, 0),
         })
@@ -86,7 +95,11 @@ pub(super) fn report(
             if let Some(at) = take.position(marker.column, frame) {
                 let away = at.distance(body.marker(marker, &placed));
                 report.seen += 1;
-                report.rms += away * away;
+                if away > FAULT {
+                    report.faults += 1;
+                } else {
+                    report.rms += away * away;
+                }
                 if away > report.worst.0 {
                     report.worst = (away, frame);
                 }
@@ -94,9 +107,12 @@ pub(super) fn report(
         }
     }
     let sum: f64 = markers.iter().map(|marker| marker.rms).sum();
-    let count: usize = markers.iter().map(|marker| marker.seen).sum();
+    let faults: usize = markers.iter().map(|marker| marker.faults).sum();
+    let seen: usize = markers.iter().map(|marker| marker.seen).sum();
+    let count = seen - faults;
     for marker in &mut markers {
-        marker.rms = (marker.rms / marker.seen.max(1) as f64).sqrt();
+        let sound = (marker.seen - marker.faults).max(1);
+        marker.rms = (marker.rms / sound as f64).sqrt();
     }
     Solved {
         motion: motion(take, name, body, poses),
@@ -108,6 +124,7 @@ pub(super) fn report(
             .collect(),
         bones: bones(body),
         residual: (sum / count.max(1) as f64).sqrt(),
+        faults,
         scale: body.scale,
         held_frames,
     }

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::body::{Body, Hinge, Marker, Segment};
+use super::body::{Body, FIRST_NOISE, Hinge, Marker, Segment};
 use super::calibrate::BLEND;
 use super::labels::{Landmark, Place};
 use crate::fit::Side;
@@ -78,6 +78,8 @@ const fn row(
 const EXACT: f64 = 0.002;
 /// A landmark this near the next joint is expected relative to it, metres.
 const NEAR_JOINT: f64 = 0.09;
+/// The same on the pelvis, whose skin the thighs move most.
+const NEAR_HIP: f64 = 0.14;
 const FREE: [f64; 3] = [2.0; 3];
 
 #[rustfmt::skip]
@@ -156,11 +158,25 @@ pub fn index(bone: Bone, side: Option<Side>) -> usize {
     }
 }
 
-/// The template with the markers of these landmarks: (column, landmark).
+/// The way from a segment's axis to a point on its skin, a unit vector; zero on the axis.
+fn outward(body: &Body, segment: usize, at: DVec3) -> DVec3 {
+    let next = body
+        .segments
+        .iter()
+        .find(|next| next.parent == Some(segment));
+    let own = &body.segments[segment];
+    let axis = next.map_or(own.end, |next| Some(next.expected));
+    let axis = axis.and_then(DVec3::try_normalize).unwrap_or(DVec3::Y);
+    at.reject_from_normalized(axis).normalize_or_zero()
+}
+
+/// The template with the markers of these landmarks, (column, landmark), their centres `radius`
+/// metres off the skin.
 #[must_use]
-pub fn body(landmarks: &[(usize, Landmark)]) -> Body {
+pub fn body(landmarks: &[(usize, Landmark)], radius: f64) -> Body {
     let mut body = Body {
         scale: 1.0,
+        noise: FIRST_NOISE,
         ..Body::default()
     };
     let mut push = |row: &Row, side: Option<Side>| {
@@ -224,6 +240,7 @@ pub fn body(landmarks: &[(usize, Landmark)]) -> Body {
         let segment = index(place.bone, side.filter(|_| sided));
         let offset = mirrored(DVec3::from_array(place.at), side)
             - joint_at(place.bone, side.filter(|_| sided));
+        let offset = offset + radius * outward(&body, segment, offset);
         let away = |at: &usize| body.segments[*at].expected.distance(offset);
         let follows = |at: &usize| {
             let next = &body.segments[*at];
@@ -231,7 +248,10 @@ pub fn body(landmarks: &[(usize, Landmark)]) -> Body {
         };
         let near = (0..body.segments.len()).filter(follows);
         let anchor = near
-            .filter(|at| away(at) < NEAR_JOINT)
+            .filter(|at| {
+                let near = if segment == 0 { NEAR_HIP } else { NEAR_JOINT };
+                away(at) < near
+            })
             .min_by(|a, b| away(a).total_cmp(&away(b)));
         let expected = offset - anchor.map_or(DVec3::ZERO, |at| body.segments[at].expected);
         body.markers.push(Marker {
@@ -253,7 +273,7 @@ mod tests {
 
     #[test]
     fn parents_come_first_and_sides_mirror() {
-        let body = body(&[]);
+        let body = body(&[], 0.0);
         assert_eq!(body.segments.len(), 21);
         for (at, segment) in body.segments.iter().enumerate() {
             assert!(segment.parent.is_none_or(|parent| parent < at));
