@@ -1,11 +1,11 @@
 //! The first bytes of an asset: what it is, how large, and where its sections lie.
 
-use super::{MarkerDims, PackedDims};
 use super::bounds::BoundsDims;
 use super::laplacian::LaplacianDims;
 use super::levels::LevelDims;
 use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
 use super::shapes::ShapeDims;
+use super::{MarkerDims, PackedDims};
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";

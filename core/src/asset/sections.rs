@@ -190,7 +190,6 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     if dims.morph_normal_count != 0 && dims.morph_normal_count != dims.morph_row_count {
         return fault(20);
     }
-<<<<<<< HEAD
     let all_or_none = |count: usize, all: usize| count == 0 || count == all;
     if !all_or_none(dims.shapes.block_count, dims.block_count) {
         return fault(21);
@@ -204,10 +203,7 @@ fn check_counts(dims: &Dims) -> Result<(), AssetError> {
     if !all_or_none(dims.level.source_count, dims.vertex_count) {
         return fault(27);
     }
-    if dims.max_clip_tracks > dims.track_count {
-=======
     if dims.max_clip_tracks > dims.track_count.saturating_add(dims.packed.track_count) {
->>>>>>> solve
         return fault(11);
     }
     if dims.max_track_keys > dims.key_time_count.max(dims.packed.frame_count) {

@@ -145,7 +145,7 @@ fn main() -> Result<(), Failure> {
             by_joint(&body, &regions);
         }
     }
-    correctives(
+    correctives::correctives(
         &body,
         &segments,
         (&glued, &rest),

@@ -39,6 +39,6 @@ pub use error::StudioError;
 pub use flesh::{Flesh, FleshOptions};
 pub use markers::{Marker, MarkerLayout, MarkerSet};
 pub use performance::{Direction, Performance};
-pub(crate) use random::Random;
 pub use performed::performed;
+pub(crate) use random::Random;
 pub use visibility::Sight;
