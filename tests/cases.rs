@@ -35,6 +35,8 @@ pub fn all() -> Vec<Case> {
     let arm = AssetBytes::new(&arm);
     let case = |stage, name, asset| Case { stage, name, asset };
     vec![
+        // The rope stage reads no asset.
+        case("rope", "twenty", arm.clone()),
         case("skin", "arm", arm),
         case("skin", "human", human::asset()),
     ]

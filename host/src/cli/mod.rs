@@ -12,6 +12,7 @@ mod load;
 mod markers;
 mod play;
 mod register;
+mod rope;
 mod say;
 mod segment;
 mod solve;
@@ -33,6 +34,7 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --output body.sinew
   sinew play body.sinew --output body.gif
   sinew verify body.sinew && sinew cost body.sinew
+  sinew rope take.c3d --output rope.c3d            a rope among a person's markers
   sinew solve take.c3d --output walk.bvh           markers to skeleton motion
   sinew register --mesh body.glb --markers clean.c3d --output fitted.glb
   sinew segment --mesh fitted.glb --markers clean.c3d --output parts.json
@@ -59,6 +61,7 @@ enum Command {
     Register(register::Register),
     Segment(segment::Segment),
     Play(play::Play),
+    Rope(Box<rope::Rope>),
     Verify(verify::Verify),
     Cost(cost::CostCommand),
     Solve(solve::Solve),
@@ -94,6 +97,7 @@ pub fn run() -> ExitCode {
         Command::Register(command) => command.run(&say),
         Command::Segment(command) => command.run(&say),
         Command::Play(command) => command.run(&say),
+        Command::Rope(command) => command.run(&say),
         Command::Verify(command) => command.run(&say),
         Command::Cost(command) => command.run(&say),
         Command::Solve(command) => command.run(&say),

@@ -2,16 +2,18 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
 use super::bake::Fitting;
 use super::say::Say;
 use super::{Failure, load};
 use crate::export::png::write_png;
-use crate::export::write_atomic;
+use crate::export::{write_atomic, write_glb_of};
+use crate::studio::rope::{self, Grip, RopeModel, hold, skipping};
 use crate::studio::{
-    Body, Direction, FleshOptions, MarkerLayout, MarkerSet, Ring, Scene, Shot, files, pictures,
+    Body, Direction, FleshOptions, MarkerLayout, MarkerSet, Ring, Scene, Shot, files, performed,
+    pictures,
 };
 
 /// Film a body with virtual cameras: broken, unlabelled trajectories, and the truth beside them.
@@ -20,6 +22,7 @@ use crate::studio::{
 Examples:
   sinew studio --mesh body.glb --motion walk.bvh --out capture
   sinew studio --mesh body.glb --motion jump.bvh --markers set53 --cameras 8 --out capture
+  sinew studio --mesh body.glb --rope skip --markers set41 --out skip
   sinew studio --mesh body.glb --motion jump.bvh --seed 7 --noise-mm 0.5 --swaps 0.5 --out capture
 
 DIR receives
@@ -28,6 +31,7 @@ DIR receives
   truth.c3d      where every marker really was
   studio.json    settings, cameras, markers (triangle, weights), whose points each trajectory holds
   markers.png, cameras.png, visible.png
+  body.glb       with --rope: the body and what it really did; sinew rope --body takes it
   surface.npy    with --surface: float32 [frames, vertices, 3], metres")]
 pub(crate) struct Studio {
     /// The body: a .glb or .gltf with skin weights.
@@ -77,12 +81,41 @@ pub(crate) struct Studio {
     /// Softness of the flesh, 0 to 3.
     #[arg(long, default_value_t = 1.0)]
     jiggle: f64,
+    /// Put a rope into the body's hands: skip (the body skips, no --motion is needed), both, left
+    /// or right (the hands of the motion hold it).
+    #[arg(long, value_enum, value_name = "HANDS")]
+    rope: Option<RopeHands>,
+    /// Markers on the rope; by default as many as the scene's usual rope has.
+    #[arg(long, value_name = "N", requires = "rope")]
+    rope_markers: Option<usize>,
+    /// Metres between them.
+    #[arg(long, value_name = "METRES", default_value_t = 0.1, requires = "rope")]
+    rope_spacing: f64,
     /// Also write the true surface of every frame.
     #[arg(long)]
     surface: bool,
     /// Folder for the results; made if it is not there.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+}
+
+/// What the hands do with a rope.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum RopeHands {
+    Skip,
+    Both,
+    Left,
+    Right,
+}
+
+impl RopeHands {
+    fn grip(self) -> Grip {
+        match self {
+            Self::Skip | Self::Both => Grip::Both,
+            Self::Left => Grip::Left,
+            Self::Right => Grip::Right,
+        }
+    }
 }
 
 fn layout(text: &str) -> Result<MarkerLayout, String> {
@@ -97,17 +130,45 @@ fn layout(text: &str) -> Result<MarkerLayout, String> {
 }
 
 impl Studio {
+    fn rope_scene(&self, hands: RopeHands) -> rope::Scene {
+        let mut scene = match hands {
+            RopeHands::Skip => rope::Scene::new(rope::Motion::Skipping, self.seed),
+            RopeHands::Both => rope::Scene::held(RopeModel::braided(20), self.seed),
+            RopeHands::Left | RopeHands::Right => {
+                rope::Scene::held(RopeModel::braided(12), self.seed)
+            }
+        };
+        scene.model.spacing = self.rope_spacing;
+        if let Some(markers) = self.rope_markers {
+            scene.model.markers = markers;
+        }
+        scene.rate = self.rate;
+        scene.seconds = self.seconds.unwrap_or(scene.seconds);
+        scene
+    }
+
     pub fn run(self, say: &Say) -> Result<Value, Failure> {
         let (avatar, notices) = load::avatar(&self.mesh)?;
         say.notices(&self.mesh.display().to_string(), &notices);
-        let clip = match &self.motion {
-            Some(path) => {
+        let mut rope = self.rope.map(|hands| self.rope_scene(hands));
+        let skip = match (&mut rope, self.rope) {
+            (Some(scene), Some(RopeHands::Skip)) => {
+                let (clip, fitted) = skipping(&avatar, scene)?;
+                *scene = fitted;
+                Some(clip)
+            }
+            _ => None,
+        };
+        let made = skip.is_some();
+        let clip = match (skip, &self.motion) {
+            (Some(clip), _) => clip,
+            (None, Some(path)) => {
                 let (motion, notices) = load::motion(path, self.fitting.reading)?;
                 let (clip, more) = self.fitting.fit(&motion, &avatar, "motion")?;
                 say.notices(&path.display().to_string(), &[notices, more].concat());
                 clip
             }
-            None => avatar.clips.first().cloned().ok_or_else(|| {
+            (None, None) => avatar.clips.first().cloned().ok_or_else(|| {
                 let mesh = self.mesh.display();
                 Failure::Usage(format!("{mesh}: the body holds no clip; give --motion"))
             })?,
@@ -117,6 +178,13 @@ impl Studio {
             direction: Direction {
                 speed: self.speed,
                 seconds: self.seconds,
+                // A clip that was made for the scene begins at rest and keeps its time.
+                hold: if made { 0.0 } else { Direction::default().hold },
+                blend: if made {
+                    0.0
+                } else {
+                    Direction::default().blend
+                },
                 ..Direction::default()
             },
             flesh: FleshOptions {
@@ -153,11 +221,36 @@ impl Studio {
         let capture = shot.film(&body, &markers, &|done| bar.set_position(done as u64))?;
         bar.finish_and_clear();
 
+        let held = match (&rope, self.rope) {
+            (Some(scene), Some(hands)) => {
+                let bar = say.progress("rope", body.frame_count());
+                let progress = |done| bar.set_position(done as u64);
+                let held = hold(&body, scene, hands.grip(), &shot, &progress)?;
+                bar.finish_and_clear();
+                Some(held)
+            }
+            _ => None,
+        };
+        let (mut unlabelled, mut labelled, mut truth) = (
+            capture.take()?,
+            capture.labelled_take()?,
+            capture.truth_take()?,
+        );
+        if let Some(held) = &held {
+            unlabelled = held.beside_unlabelled(&unlabelled, self.seed)?;
+            labelled = held.beside_labelled(&labelled)?;
+            truth = held.beside_truth(&truth)?;
+        }
+
         std::fs::create_dir_all(&self.out).map_err(|error| load::fault(&self.out, &error))?;
         let path = |name: &str| self.out.join(name);
-        files::write_take(&capture.take()?, &path("capture.c3d"))?;
-        files::write_take(&capture.labelled_take()?, &path("labelled.c3d"))?;
-        files::write_take(&capture.truth_take()?, &path("truth.c3d"))?;
+        files::write_take(&unlabelled, &path("capture.c3d"))?;
+        files::write_take(&labelled, &path("labelled.c3d"))?;
+        files::write_take(&truth, &path("truth.c3d"))?;
+        if held.is_some() {
+            let file = write_glb_of(&avatar, &[performed(&body)])?;
+            write_atomic(path("body.glb"), |out| Ok(out.write_all(&file)?))?;
+        }
         let description = capture.describe(&body, &markers, &shot).to_string();
         write_atomic(path("studio.json"), |out| {
             Ok(out.write_all(description.as_bytes())?)
@@ -200,6 +293,15 @@ impl Studio {
             counts.gap_count,
             counts.mean_gap
         ));
+        if let Some(held) = &held {
+            let samples = held.seen.iter().flatten();
+            let seen = samples.clone().filter(|sample| sample.is_some()).count();
+            say.line(format!(
+                "a rope of {} markers, {:.1} % of its samples in sight",
+                held.markers.first().map_or(0, Vec::len),
+                100.0 * seen as f64 / samples.count().max(1) as f64
+            ));
+        }
         say.line(format!("wrote {}", self.out.display()));
         Ok(json!({
             "out": self.out.display().to_string(),

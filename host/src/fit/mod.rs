@@ -15,6 +15,7 @@ mod names;
 pub mod parts;
 pub mod register;
 pub mod retarget;
+pub mod rope;
 pub mod segment;
 pub mod solve;
 

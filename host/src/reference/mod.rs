@@ -9,6 +9,7 @@ pub mod markers;
 pub mod morph;
 pub mod parts;
 pub mod pose;
+pub mod rope;
 pub mod skin;
 mod unpack;
 

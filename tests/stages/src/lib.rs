@@ -9,6 +9,7 @@
 
 pub mod markers;
 mod memory;
+pub mod rope;
 pub mod skin;
 
 use core::fmt;
@@ -52,8 +53,9 @@ pub type Run = fn(&[u8], Level, &mut [f32], &mut Unmeasured) -> Result<u64, Faul
 
 /// All stages by name.
 pub const ALL: &[(&str, Run)] = &[
-    ("skin", skin::run::<Unmeasured>),
     ("markers", markers::run::<Unmeasured>),
+    ("rope", rope::run::<Unmeasured>),
+    ("skin", skin::run::<Unmeasured>),
 ];
 
 /// Why a stage did not run.

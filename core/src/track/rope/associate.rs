@@ -34,7 +34,7 @@ const COST_DISAGREE: f32 = 30.0;
 const COST_FOLDED: f32 = 10.0;
 /// Standard deviations of a segment beyond its learned spread, metres: longer, and shorter.
 const STRETCH: f32 = 0.003;
-const SLACK: f32 = 0.008;
+const SLACK: f32 = 0.004;
 
 /// What is known of a trace before its points are sought.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -107,6 +107,8 @@ pub(super) struct Found {
     pub(super) trace: usize,
     pub(super) point: u16,
     pub(super) margin: f32,
+    /// Squared distance from where the trace was expected.
+    pub(super) off: f32,
 }
 
 impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
@@ -158,10 +160,14 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             let others = costs.iter().enumerate().filter(|&(k, _)| k != slot);
             let next = others.fold(f32::MAX, |best, (_, &cost)| best.min(cost));
             let margin = next - own;
+            let candidates = self.candidates.at(i);
+            let surprise = candidates.get(slot).map_or(Vec3::ZERO, |c| c.surprise);
+            let off = dot(surprise, surprise);
             found(Found {
                 trace: i,
                 point,
                 margin,
+                off,
             });
         }
     }
@@ -200,7 +206,8 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 self.missing.set(i, COST_MISSING);
                 let scale = 1.0 / (doubt * doubt);
                 points.near(centre, gate, |point, surprise, square| {
-                    let cost = saturate(square * scale, most) + others.price(point, since, square);
+                    let stranger = others.price(point, i, since, square);
+                    let cost = saturate(square * scale, most) + stranger;
                     let place = list
                         .iter()
                         .take(count)
@@ -306,7 +313,8 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 .take(mine)
                 .fold(alone, |best, (c, &tail)| best.min(c.cost + tail));
             let mut next: Costs = [unlinked; CANDIDATES + 1];
-            for (k, slot) in next.iter_mut().take(CANDIDATES).enumerate() {
+            let before = usize::from(self.counts.at(i.wrapping_sub(1)));
+            for (k, slot) in next.iter_mut().take(CANDIDATES.min(before)).enumerate() {
                 let mut best = alone;
                 for ((c, &tail), row) in own.iter().zip(&after).zip(&links).take(mine) {
                     let link = row.get(k).copied().unwrap_or_default();

@@ -214,8 +214,8 @@ fn trimmed<const P: usize, const T: usize>(
     }
     let typical = self::median(&mut deviations);
     // A bend shortens the distance between its markers; nothing lengthens it.
-    let longer = (4.0 * typical).max(0.03 * median);
-    let shorter = (4.0 * typical).max(0.12 * median);
+    let longer = (4.0 * typical).max(0.03 * median).min(0.12 * median);
+    let shorter = (4.0 * typical).max(0.12 * median).min(0.2 * median);
     let (mut best, mut begin) = (0..0, 0);
     let mut even = Row::<bool, T>::new();
     for (k, link) in links(points, chain) {

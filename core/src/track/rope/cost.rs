@@ -1,12 +1,13 @@
 //! What a frame costs at most.
 
 use super::associate::CANDIDATES;
+use super::others::MOST_SOUGHT;
 
 /// Most inner steps of a tracking frame: a point looked at, a pair of proposals compared, a path
 /// extended. Each is under 40 machine instructions on a Cortex-M7; filling and filtering add a
 /// fixed few hundred a trace.
 ///
-/// Two searches a trace over at most all points; two chains with two passes over all pairs of
+/// A search over at most all points for each followed stranger and two for each trace; two chains with two passes over all pairs of
 /// candidates; two matchings whose every search settles at most one point a trace, each after
 /// looking at all that it has reached; the search for a lost rope with three looks a link.
 #[must_use]
@@ -16,7 +17,7 @@ pub const fn work_bound(traces: usize, points: usize) -> u32 {
     } else {
         points
     };
-    let searches = 2 * traces * points;
+    let searches = (points + MOST_SOUGHT + 2 * traces) * points;
     let chains = 2 * 2 * traces * CANDIDATES * CANDIDATES;
     let matchings = 2 * traces * traces * (CANDIDATES + reach);
     let lost = (2 * 2 * traces + 1) * points;

@@ -26,6 +26,8 @@ const LOST_GATE: f32 = 2.0;
 /// A trace with a gap that is less sure than this share of the spacing takes a point only beside
 /// a sure neighbour.
 const SURE: f32 = 0.35;
+/// Standard deviations that a point may lie off without a neighbour that vouches for it.
+const FAR: f32 = 3.5;
 /// That many neighbours that are found together vouch for each other.
 const VOUCHERS: usize = 3;
 /// Seconds with less than a quarter of the rope, and with less than three fifths, before the whole
@@ -65,7 +67,7 @@ pub(super) fn step<const TRACES: usize, const POINTS: usize>(
     track.trials.start(count, &track.pose);
     review(track, association, others, points);
     seek_lost(track, points);
-    others.learn(points);
+    others.learn(points, track);
 }
 
 /// Points for the traces that were measured a moment ago, from their own predictions.
@@ -182,9 +184,15 @@ fn associate<const TRACES: usize, const POINTS: usize>(
             };
             end += 1;
         }
+        // A jerk is not announced, but it moves neighbours alike: nobody goes far alone.
+        let vouched = end - begin > 1;
+        let is_far = |one: &Found| match goals.at(one.trace) {
+            Goal::Seek { doubt, .. } => one.off > FAR * FAR * doubt * doubt,
+            _ => false,
+        };
         if sure || end - begin >= VOUCHERS.min(count) {
             for i in begin..end {
-                if let Some(one) = found.at(i) {
+                if let Some(one) = found.at(i).filter(|one| vouched || !is_far(one)) {
                     enter(track, points, one);
                 }
             }
@@ -332,14 +340,25 @@ fn seek_lost<const TRACES: usize, const POINTS: usize>(
     if fit.misfit > WORST_MISFIT {
         return;
     }
-    track.open();
-    for (k, &point) in chain.iter().enumerate().filter(|(_, p)| **p != NONE) {
+    let trace_of = |k: usize| {
         let place = fit.offset + k;
-        let i = if fit.reversed {
+        if fit.reversed {
             (count - 1).saturating_sub(place)
         } else {
             place
-        };
+        }
+    };
+    // What most of the rope is sure of, the chain must not deny.
+    let agreed = chain
+        .iter()
+        .enumerate()
+        .filter(|(k, point)| **point != NONE && track.point.at(trace_of(*k)) == **point);
+    if 2 * measured > count && 2 * agreed.count() < measured {
+        return;
+    }
+    track.open();
+    for (k, &point) in chain.iter().enumerate().filter(|(_, p)| **p != NONE) {
+        let i = trace_of(k);
         let position = points.at(usize::from(point));
         for row in [
             &mut track.pose.now,

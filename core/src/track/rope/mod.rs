@@ -12,6 +12,7 @@
 //! | others | points of no rope | which points are known to be something else |
 //! | fill, trial | measured markers | the others, and how far to trust them |
 //! | joint or published | all of these | a frame |
+//! | spline | markers | joints of a tube |
 
 mod associate;
 mod chain;
@@ -23,6 +24,7 @@ mod others;
 mod points;
 mod published;
 mod review;
+mod spline;
 mod start;
 mod state;
 #[cfg(test)]
@@ -34,6 +36,7 @@ use glam::Vec3;
 
 pub use config::{Config, ConfigError, Method, Order, Selection};
 pub use cost::{start_work_bound, work_bound};
+pub use spline::TubeJoints;
 
 use associate::Association;
 use others::Others;

@@ -26,6 +26,7 @@ pub(super) struct Points<const POINTS: usize> {
     /// Where each slab begins in `order`.
     first: Row<u16, { SLABS + 1 }>,
     order: Row<u16, POINTS>,
+    slab_of: Row<u8, POINTS>,
     /// Inner steps of this frame, for the report.
     pub(super) work: u32,
 }
@@ -58,6 +59,7 @@ impl<const POINTS: usize> Points<POINTS> {
             slabs_per_metre: 0.0,
             first: Row::new(),
             order: Row::new(),
+            slab_of: Row::new(),
             work: 0,
         }
     }
@@ -109,6 +111,7 @@ impl<const POINTS: usize> Points<POINTS> {
         self.first.fill(0);
         for index in 0..self.count {
             let slab = self.slab(along(self.position.at(index), self.axis));
+            self.slab_of.set(index, slab as u8);
             self.first.edit(slab, |n| *n += 1);
         }
         let mut begin = 0;
@@ -118,7 +121,7 @@ impl<const POINTS: usize> Points<POINTS> {
             begin += members;
         }
         for index in 0..self.count {
-            let slab = self.slab(along(self.position.at(index), self.axis));
+            let slab = usize::from(self.slab_of.at(index));
             let place = self.first.at(slab);
             self.order.set(usize::from(place), index as u16);
             self.first.set(slab, place + 1);

@@ -12,7 +12,7 @@ use super::joint::fill_runs;
 use super::others::Others;
 use super::points::{NONE, Points};
 use super::state::Track;
-use super::vector::dot;
+use super::vector::{dot, length};
 use crate::row::Row;
 
 /// How far in spacings a marker may be from where its trace is, as a standard deviation and as a
@@ -22,7 +22,7 @@ const GATE: f32 = 1.3;
 /// A link this unlikely makes a frame suspicious.
 const SUSPICIOUS: f32 = 1.5;
 /// Seconds of right lengths after which a trace surely has its own point.
-const TRUSTED: f32 = 0.5;
+const TRUSTED: f32 = 0.05;
 /// Seconds without a point that do.
 const ABSENT: f32 = 0.1;
 /// Advantage of the new labelling that counts, and how much must add up before it is taken.
@@ -36,8 +36,8 @@ pub(super) fn review<const TRACES: usize, const POINTS: usize>(
     others: &Others<POINTS>,
     points: &mut Points<POINTS>,
 ) {
-    update_trust(track, points);
-    if !is_suspicious(track, points) {
+    update_trust(track, others, points);
+    if !is_suspicious(track, others, points) {
         track.unease = 0.0;
         return;
     }
@@ -84,6 +84,7 @@ pub(super) fn review<const TRACES: usize, const POINTS: usize>(
 /// of that, frames are counted.
 fn update_trust<const TRACES: usize, const POINTS: usize>(
     track: &mut Track<TRACES>,
+    others: &Others<POINTS>,
     points: &Points<POINTS>,
 ) {
     let needed = TRUSTED * track.pace.rate;
@@ -91,7 +92,8 @@ fn update_trust<const TRACES: usize, const POINTS: usize>(
         let fine = |k: usize| {
             link_price(track, points, k, &track.point).is_none_or(|price| price < SUSPICIOUS)
         };
-        let quiet = track.pose.known.at(i) && fine(i) && fine(i.wrapping_sub(1));
+        let contested = others.is_contested(track.point.at(i), track.since.at(i));
+        let quiet = track.pose.known.at(i) && fine(i) && fine(i.wrapping_sub(1)) && !contested;
         let streak = if quiet {
             track.streak.at(i).saturating_add(1)
         } else {
@@ -111,29 +113,38 @@ fn update_trust<const TRACES: usize, const POINTS: usize>(
 /// Whether a link is off or a marker has been missing for a while.
 fn is_suspicious<const TRACES: usize, const POINTS: usize>(
     track: &Track<TRACES>,
+    others: &Others<POINTS>,
     points: &Points<POINTS>,
 ) -> bool {
     let absent = ABSENT * track.pace.rate;
     (0..track.measures.count).any(|i| {
         f32::from(track.gap.at(i)) > absent
+            || (track.is_unsure(i) && others.is_contested(track.point.at(i), track.since.at(i)))
             || link_price(track, points, i, &track.point).is_some_and(|p| p > SUSPICIOUS)
     })
 }
 
-/// Price of the link from trace `i` to the next, if both have a point.
+/// Price of the link from trace `i` to the next that has a point, if both have one.
 fn link_price<const TRACES: usize, const POINTS: usize>(
     track: &Track<TRACES>,
     points: &Points<POINTS>,
     i: usize,
     labels: &Row<u16, TRACES>,
 ) -> Option<f32> {
-    let next = i.wrapping_add(1);
-    if i >= next || next >= track.measures.count || labels.at(i) == NONE || labels.at(next) == NONE
-    {
+    let measures = &track.measures;
+    if i >= measures.count || labels.at(i) == NONE {
         return None;
     }
+    let next = (i + 1..measures.count).find(|&k| labels.at(k) != NONE)?;
     let span = points.at(usize::from(labels.at(next))) - points.at(usize::from(labels.at(i)));
-    Some(tension(&track.measures, i, span))
+    if next == i + 1 {
+        return Some(tension(measures, i, span));
+    }
+    // Across missing markers a rope is not longer than it is, and seldom folded.
+    let rope = measures.arc.at(next) - measures.arc.at(i);
+    let span = length(span);
+    let off = (span - 1.02 * rope).max(0.7 * rope - span).max(0.0) / (0.1 * measures.spacing);
+    Some((off * off).min(COST_MISSING))
 }
 
 /// Price of a labelling of this frame, without its past.
@@ -152,7 +163,7 @@ fn price<const TRACES: usize, const POINTS: usize>(
         } else {
             let off = points.at(usize::from(point)) - track.pose.now.at(i);
             let square = dot(off, off);
-            sum += square / (near * near) + others.price(point, track.since.at(i), square);
+            sum += square / (near * near) + others.price(point, i, track.since.at(i), square);
         }
         sum += link_price(track, points, i, labels).unwrap_or_default();
     }

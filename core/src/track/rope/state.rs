@@ -103,6 +103,8 @@ pub(super) struct Track<const TRACES: usize> {
     pub(super) unease: f32,
 }
 
+/// Seconds without certainty after which a trace is unsure of itself.
+const UNSURE: f32 = 0.05;
 /// What a prediction errs by before it is known, metres.
 const FIRST_SURPRISE: f32 = 0.004;
 /// Smallest standard deviation of a segment's length, metres: what noise alone gives.
@@ -164,6 +166,12 @@ impl<const TRACES: usize> Track<TRACES> {
             blind: 0,
             unease: 0.0,
         }
+    }
+
+    /// Whether a trace has not surely had its own point for a while.
+    #[inline]
+    pub(super) fn is_unsure(&self, i: usize) -> bool {
+        f32::from(self.since.at(i)) > UNSURE * self.pace.rate
     }
 
     /// Where a marker should be now by its own motion.

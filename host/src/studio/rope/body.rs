@@ -202,7 +202,13 @@ impl Person {
 }
 
 /// Middle and end of a limb from `root` towards `goal`, bent towards `pole`.
-fn two_bones(root: DVec3, goal: DVec3, upper: f64, lower: f64, pole: DVec3) -> (DVec3, DVec3) {
+pub(super) fn two_bones(
+    root: DVec3,
+    goal: DVec3,
+    upper: f64,
+    lower: f64,
+    pole: DVec3,
+) -> (DVec3, DVec3) {
     let to_goal = goal - root;
     let reach = to_goal.length().clamp(1e-6, upper + lower - 1e-4);
     let axis = to_goal.normalize_or(DVec3::NEG_Y);

@@ -7,15 +7,20 @@
 
 mod body;
 mod capture;
+mod columns;
+mod held;
 mod motion;
 mod physics;
+mod skip;
 
 use glam::DVec3;
 
 pub use body::{BODY_MARKERS, Capsule, Person};
 pub use capture::{Capture, CaptureFrame, Disturbance, Label};
+pub use held::{Grip, HeldRope, hold};
 pub use motion::Motion;
 pub use physics::RopeModel;
+pub use skip::skipping;
 
 use super::random::{self, Random};
 use body::Stance;
@@ -36,6 +41,9 @@ pub enum SceneError {
         /// What it may hold.
         range: &'static str,
     },
+    /// A body without the limbs that hold or jump.
+    #[error("no human body with arms, hands and legs is recognised by the names of its joints")]
+    NoHuman,
     /// The simulation became unstable.
     #[error("the rope flew apart after {seconds:.3} s; use a heavier or less stiff rope")]
     Unstable {
@@ -169,18 +177,21 @@ impl Scene {
             return self.run(self.people, &|_| 0.0);
         }
         // A skipper jumps when the rope comes: find out when it does, then let them meet.
+        let passes = self.passes(1.0)?;
+        self.run(true, &|t| jump(&passes, t))
+    }
+
+    /// When the rope passes below the feet, seconds, if nobody stands there.
+    fn passes(&self, scale: f64) -> Result<Vec<f64>, SceneError> {
         let alone = self.run(false, &|_| 0.0)?;
         let middle = self.model.markers / 2;
         let low = |w: &[Vec<DVec3>]| {
             let y = |k: usize| w[k][middle].y;
-            y(1) < 0.3 && y(1) <= y(0) && y(1) < y(2)
+            y(1) < 0.3 * scale && y(1) <= y(0) && y(1) < y(2)
         };
         let frames = alone.rope.windows(3).enumerate().filter(|(_, w)| low(w));
-        let passes: Vec<f64> = frames
-            .map(|(frame, _)| (frame + 1) as f64 / self.rate)
-            .filter(|t| *t > motion::REST + 0.3)
-            .collect();
-        self.run(true, &|t| jump(&passes, t))
+        let times = frames.map(|(frame, _)| (frame + 1) as f64 / self.rate);
+        Ok(times.filter(|t| *t > motion::REST + 0.3).collect())
     }
 
     fn driver(&self) -> Driver {
@@ -220,7 +231,7 @@ impl Scene {
 
     fn run(&self, people: bool, lift: &dyn Fn(f64) -> f64) -> Result<Take, SceneError> {
         let driver = self.driver();
-        let mut rope = self.settled(&driver);
+        let mut rope = self.settled(driver.hands(0.0));
         let steps = (self.model.steps_per_second() / self.rate).ceil() as usize;
         let dt = 1.0 / (self.rate * steps as f64);
         let frames = (self.seconds * self.rate) as usize;
@@ -276,8 +287,7 @@ impl Scene {
     }
 
     /// The rope at rest before the take.
-    fn settled(&self, driver: &Driver) -> Rope {
-        let hands = driver.hands(0.0);
+    fn settled(&self, hands: [Option<DVec3>; 2]) -> Rope {
         let count = self.model.node_count();
         let h = self.model.node_spacing();
         let first = hands[0].unwrap_or(DVec3::Y);
