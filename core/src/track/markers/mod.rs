@@ -2,12 +2,13 @@
 //!
 //! | stage | does |
 //! | --- | --- |
-//! | [`points`] | usable points, in slices, so that a search looks at few |
-//! | [`associate`] | a point for each marker where it is expected, jointly |
-//! | [`fill`] | missing markers from their neighbours' motion and their own past |
-//! | [`seek`] | lost markers from their distances to found ones |
-//! | [`seed`] | the whole set from nothing, by constellations of four |
-//! | [`audit`] | markers that their neighbours contradict are exchanged or dropped |
+//! | `points` | usable points, in slices, so that a search looks at few |
+//! | `associate` | a point for each marker where it is expected, jointly |
+//! | `fill` | missing markers from their neighbours' motion and their own past |
+//! | `seek` | lost markers from their distances to found ones |
+//! | `seed` | the whole set from nothing, by constellations of four |
+//! | `audit` | markers that their neighbours contradict are exchanged or dropped |
+//! | `rival` | another labelling, which takes over where it explains more |
 //!
 //! The host learns the [`Model`] from clean takes. A frame costs at most [`work_bound`]; nothing
 //! is allocated, and points that are not finite are left out and counted. Filling follows Park &
