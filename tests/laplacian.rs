@@ -130,19 +130,6 @@ pub fn tube(rings: u32, sides: u32) -> (Vec<DVec3>, Vec<[u32; 3]>, Vec<DVec3>) {
     (positions, triangles, normals)
 }
 
-/// A marker of the tube at `rest` where its upper half bends and twists: by `phase` in radians.
-#[must_use]
-pub fn limb_pose(rest: DVec3, phase: f64) -> MarkerTarget {
-    let share = ((rest.y - 0.25) / 0.1).clamp(0.0, 1.0);
-    let twist = DQuat::from_rotation_y(1.2 * share * (1.3 * phase).sin());
-    let bend = DQuat::from_rotation_x(0.9 * share * (1.0 - phase.cos()) / 2.0);
-    let (rotation, middle) = (bend * twist, DVec3::Y * 0.3);
-    MarkerTarget {
-        position: middle + rotation * (rest - middle),
-        rotation,
-    }
-}
-
 /// The body with every triangle cut into four; new vertices lie half-way, weights too.
 #[must_use]
 pub fn subdivided(body: &Avatar) -> Avatar {
