@@ -105,12 +105,21 @@ struct Found {
 }
 
 impl Found {
+    /// `[markers - 1]`: metres from each marker to the next.
+    fn links(&self) -> Vec<f64> {
+        let at = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        let pairs = self.markers.iter().zip(self.markers.iter().skip(1));
+        pairs.map(|(a, b)| at(a).distance(at(b))).collect()
+    }
+
+    fn spacing(&self) -> f64 {
+        super::median(self.links())
+    }
+
     /// Its markers, the fewer the more uneven their distances are: among a body's markers a chain
     /// of many is soon found, but not an even one.
     fn worth(&self) -> f64 {
-        let at = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
-        let pairs = self.markers.iter().zip(self.markers.iter().skip(1));
-        let links: Vec<f64> = pairs.map(|(a, b)| at(a).distance(at(b))).collect();
+        let links = self.links();
         let count = links.len().max(1) as f64;
         let mean = links.iter().sum::<f64>() / count;
         let square = links.iter().map(|link| (link - mean).powi(2)).sum::<f64>() / count;
@@ -170,6 +179,34 @@ fn find(
         wanted: options.fewest(),
         frames: frames.frame_count(),
     })
+}
+
+/// A rope of a known number of markers.
+///
+/// The longest even chain of any length tells the spacing: without it, as many markers are soon
+/// found across a body. Where ends in a fist never show, what shows of the rope is followed.
+fn counted(
+    frames: &PointFrames,
+    options: &FollowOptions,
+    markers: usize,
+    taken: &dyn Fn(usize, usize) -> bool,
+) -> Result<Found, RopeError> {
+    let any = FollowOptions {
+        markers: None,
+        ..options.clone()
+    };
+    let longest = find(frames, &any, taken)?;
+    let whole = FollowOptions {
+        spacing: options.spacing.or(Some(longest.spacing())),
+        ..options.clone()
+    };
+    let fewest = (MOST_OF_IT * markers as f64).ceil() as usize;
+    match find(frames, &whole, taken) {
+        Err(RopeError::NotFound { .. }) if (fewest..=markers).contains(&longest.markers.len()) => {
+            Ok(longest)
+        }
+        found => found,
+    }
 }
 
 /// The listed markers, ordered along the shortest way that a walk to the nearest one finds.
@@ -293,24 +330,9 @@ fn follow_free(
     check_points(frames)?;
     let found = match &options.selection {
         Selection::Columns(columns) => listed(frames, columns)?,
-        _ => match (find(frames, options, taken), options.markers) {
-            (Err(RopeError::NotFound { .. }), Some(markers)) => {
-                // Ends in a fist, perhaps: what shows of it is a rope too.
-                let fewest = (MOST_OF_IT * markers as f64).ceil() as usize;
-                let rest = FollowOptions {
-                    markers: None,
-                    ..options.clone()
-                };
-                let found = find(frames, &rest, taken)?;
-                if !(fewest..=markers).contains(&found.markers.len()) {
-                    return Err(RopeError::NotFound {
-                        wanted: markers,
-                        frames: frames.frame_count(),
-                    });
-                }
-                found
-            }
-            (found, _) => found?,
+        _ => match options.markers {
+            Some(markers) => counted(frames, options, markers, taken)?,
+            None => find(frames, options, taken)?,
         },
     };
     let config = options.config(frames.rate);
