@@ -21,8 +21,6 @@ pub mod sole;
 use contact::{Contacts, contacts};
 use sole::Sole;
 
-/// Corrections of a foot's rotation are smoothed over so much to either side, seconds.
-const SMOOTH: f64 = 0.05;
 /// The hips sink and rise over so much to either side, seconds.
 const SINK: f64 = 0.12;
 /// A leg is not stretched beyond this share of its length.
@@ -185,26 +183,30 @@ impl Leg {
             })
             .collect();
         self.anchors = self.anchor(&feet);
-        // First the turns: a foot that stands on heel and ball lies flat on both, and where one
-        // stands alone the other is not below it.
-        let turn = |(foot, anchors): (&Goal, &[Option<DVec3>; 2])| {
-            let [a, b] = self.sole.stand.map(|point| foot.turn * point);
-            let along = (b - a).try_normalize()?;
-            let level = DVec3::new(along.x, 0.0, along.z).try_normalize()?;
-            let to = match *anchors {
-                [Some(heel), Some(ball)] => (ball - heel).try_normalize()?,
-                [Some(_), None] if along.y < 0.0 => level,
-                [None, Some(_)] if along.y > 0.0 => level,
-                [None, None] => return None,
-                _ => along,
+        // First the turns: a foot that stands on heel and ball lies flat on both.
+        let flat = |(foot, anchors): (&Goal, &[Option<DVec3>; 2])| {
+            let [Some(heel), Some(ball)] = *anchors else {
+                return None;
             };
+            let along = self.along(foot.turn).try_normalize()?;
+            let to = (ball - heel).try_normalize()?;
             Some(DQuat::from_rotation_arc(along, to))
         };
-        let known: Vec<Option<DQuat>> = feet.iter().zip(&self.anchors).map(turn).collect();
-        let turns = smoothed(
-            &spread(&known, times, DQuat::IDENTITY, |a, b, t| a.slerp(b, t)),
-            times,
-        );
+        let known: Vec<Option<DQuat>> = feet.iter().zip(&self.anchors).map(flat).collect();
+        let mut turns = spread(&known, times, DQuat::IDENTITY, |a, b, t| a.slerp(b, t));
+        // Where one end stands alone, the other is not below it.
+        for (turn, (foot, anchors)) in turns.iter_mut().zip(feet.iter().zip(&self.anchors)) {
+            let along = self.along(*turn * foot.turn).normalize_or_zero();
+            let below = match *anchors {
+                [Some(_), None] => along.y < 0.0,
+                [None, Some(_)] => along.y > 0.0,
+                _ => false,
+            };
+            let level = DVec3::new(along.x, 0.0, along.z).try_normalize();
+            if let (true, Some(level)) = (below, level) {
+                *turn = DQuat::from_rotation_arc(along, level) * *turn;
+            }
+        }
         // Then the places: the ball stays exactly, the heel where it stands alone.
         let known: Vec<Option<DVec3>> = (0..feet.len())
             .map(|frame| {
@@ -222,6 +224,12 @@ impl Leg {
             .zip(turns.iter().zip(&shifts))
             .map(|(foot, (&turn, &shift))| self.above_floor(foot, Correction { shift, turn }))
             .collect();
+    }
+
+    /// From heel to ball, metres.
+    fn along(&self, turn: DQuat) -> DVec3 {
+        let [heel, ball] = self.sole.stand;
+        turn * (ball - heel)
     }
 
     /// Places of the contacts on the floor: one a stance, the ball's by its mean, the heel's behind
@@ -356,21 +364,6 @@ fn spread<T: Copy>(
         out[at + 1..].fill(value);
     }
     out
-}
-
-/// Mean of neighbouring turns, all near the identity.
-fn smoothed(turns: &[DQuat], times: &[f64]) -> Vec<DQuat> {
-    let mean = |frame: usize| {
-        let from = times.partition_point(|&time| time < times[frame] - SMOOTH);
-        let to = times.partition_point(|&time| time <= times[frame] + SMOOTH);
-        let sum = turns[from..to]
-            .iter()
-            .fold(glam::DVec4::ZERO, |sum, &turn| {
-                sum + glam::DVec4::from(turn) * turn.dot(turns[frame]).signum()
-            });
-        DQuat::from_vec4(sum).normalize()
-    };
-    (0..turns.len()).map(mean).collect()
 }
 
 /// The clip with the tracks of hips and legs anew.
