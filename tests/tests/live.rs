@@ -84,7 +84,8 @@ fn expectations_agree_with_the_oracle() {
         }
     }
     assert!(count > 300, "{count}");
-    assert!(worst < 0.2e-3, "{worst}");
+    // The core takes two steps towards the rotation that the oracle decomposes a matrix for.
+    assert!(worst < 1e-3, "{worst}");
 }
 
 #[test]

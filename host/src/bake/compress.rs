@@ -70,6 +70,7 @@ pub fn compress(
         };
         track.interpolation == Interpolation::Linear && track.times.iter().all(whole)
     };
+    let whole = clip.tracks.clone();
     let (tracks, kept): (Vec<Track>, Vec<Track>) = clip.tracks.drain(..).partition(on_grid);
     clip.tracks = kept;
     if tracks.is_empty() {
@@ -92,9 +93,7 @@ pub fn compress(
         }
     }
     let Some((packed, error)) = best else {
-        clip.tracks.extend(work.tracks);
-        clip.tracks
-            .sort_by_key(|track| (track.joint, track.channel));
+        clip.tracks = whole;
         return None;
     };
     let report = CompressionReport {

@@ -161,7 +161,7 @@ mod tests {
     use sinew_core::track::rope::{Config, Method, RopeTracker, Source};
 
     use super::*;
-    use crate::studio::rope::{Disturbance, Label, Motion, Scene};
+    use crate::studio::rope::{CaptureFrame, Disturbance, Label, Motion, Scene};
 
     /// The core's published method takes the same points and invents the same positions.
     #[test]
@@ -202,7 +202,8 @@ mod tests {
                 worst = worst.max(DVec3::new(x, y, z).distance(trace.position));
             }
         }
-        assert!(capture.frames[60].labels.contains(&Label::Rope(3)));
+        let seen = |frame: &&CaptureFrame| frame.labels.contains(&Label::Rope(3));
+        assert!(capture.frames.iter().filter(seen).count() > capture.frames.len() / 2);
         assert!(temporary > 100, "{temporary} gaps tell something");
         assert!(worst < 2e-5, "{worst} m between f32 and f64");
     }

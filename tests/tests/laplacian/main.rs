@@ -26,7 +26,7 @@ fn the_core_agrees_with_the_oracle() {
         rig.step(&poses(targets));
         let oracle = reference::laplacian::positions(&surface, targets);
         let error = distances(&rig.vertices(), &oracle);
-        assert!(error.max < 2e-6, "{error:?}");
+        assert!(error.max < 5e-6, "{error:?}");
         let mut rig = CollapsedRig::new(&collapsed);
         rig.step(&poses(targets));
         let error = distances(
