@@ -66,7 +66,9 @@ fn main() -> ExitCode {
                     Motion::Bend => [[0.10, 1.05, -0.1], [0.55, 1.50, 0.30]],
                 };
                 let mut around = Bounds::EMPTY;
-                corners.map(|corner| around.include(DVec3::from_array(corner)));
+                for corner in corners {
+                    around.include(DVec3::from_array(corner));
+                }
                 let camera = Camera::framing(around, 0.9, 0.25, 1.0);
                 images.push(render(&scene, &camera, SIZE, SIZE, Quality::default()));
                 captions.push(format!("{name}, {degrees} degrees"));
