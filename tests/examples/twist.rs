@@ -61,9 +61,14 @@ fn main() -> ExitCode {
                     }],
                     ..Scene::default()
                 };
+                let corners = match motion {
+                    Motion::Twist => [[0.30, 0.92, 0.0], [0.62, 1.28, 0.32]],
+                    Motion::Bend => [[0.10, 1.05, -0.1], [0.55, 1.50, 0.30]],
+                };
                 let mut around = Bounds::EMPTY;
-                around.include(DVec3::new(0.30, 0.92, 0.0));
-                around.include(DVec3::new(0.62, 1.28, 0.32));
+                for corner in corners {
+                    around.include(DVec3::from_array(corner));
+                }
                 let camera = Camera::framing(around, 0.9, 0.25, 1.0);
                 images.push(render(&scene, &camera, SIZE, SIZE, Quality::default()));
                 captions.push(format!("{name}, {degrees} degrees"));
