@@ -181,7 +181,9 @@ fn the_core_agrees_with_the_oracle_in_every_mode() {
                 let oracle =
                     reference::parts::positions(&learnt.rig, learnt.mode(mode), &markers, terms);
                 let (_, most) = distances(player.positions(), &oracle);
-                assert!(most < 2e-5, "{mode:?} {terms:?}: {most}");
+                // The exact mode solves a system for each part in 32 bits.
+                let bound = if mode == Mode::Exact { 5e-5 } else { 1e-5 };
+                assert!(most < bound, "{mode:?} {terms:?}: {most}");
             }
         }
     }
