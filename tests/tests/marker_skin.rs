@@ -181,10 +181,7 @@ fn the_core_agrees_with_the_oracle_in_every_mode() {
                 let oracle =
                     reference::parts::positions(&learnt.rig, learnt.mode(mode), &markers, terms);
                 let (_, most) = distances(player.positions(), &oracle);
-                // The exact mode solves a system for each part in 32 bits; without the quadratic terms
-                // the residuals are as long as the flesh moves.
-                let bound = if mode == Mode::Exact { 3e-4 } else { 1e-5 };
-                assert!(most < bound, "{mode:?} {terms:?}: {most}");
+                assert!(most < 2e-5, "{mode:?} {terms:?}: {most}");
             }
         }
     }

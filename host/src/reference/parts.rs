@@ -75,10 +75,30 @@ fn frames(rig: &RigTables, markers: &[DVec3]) -> Vec<DAffine3> {
                 (from, above.transform_point3(from), share * weight)
             })
         });
-        let fitted = Rigid::fit(pairs.chain(held)).map(|motion| DAffine3 {
-            matrix3: motion.rotation,
-            translation: motion.translation,
-        });
+        let pairs: Vec<(DVec3, DVec3, f64)> = pairs.chain(held).collect();
+        let fit = |pairs: &[(DVec3, DVec3, f64)]| {
+            Rigid::fit(pairs.iter().copied()).map(|motion| DAffine3 {
+                matrix3: motion.rotation,
+                translation: motion.translation,
+            })
+        };
+        let mut fitted = fit(&pairs);
+        // Markers taken for others count the less the further they are off (Cauchy's weights).
+        let limit2 = f64::from(rig.residual_limit).powi(2);
+        for _ in 0..2 {
+            let Some(frame) = fitted else {
+                break;
+            };
+            let off2 = |from: DVec3, to| frame.transform_point3(from).distance_squared(to);
+            if pairs.iter().all(|&(from, to, _)| off2(from, to) <= limit2) {
+                break;
+            }
+            let weighed = pairs.iter().map(|&(from, to, weight)| {
+                let share = limit2 / (limit2 + off2(from, to) + 1e-12);
+                (from, to, weight * share)
+            });
+            fitted = fit(&weighed.collect::<Vec<_>>());
+        }
         out.push(fitted.or(parent).unwrap_or(DAffine3::IDENTITY));
     }
     out
