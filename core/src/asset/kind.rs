@@ -7,7 +7,7 @@ use super::{Dims, LINK_NUMBERS, MARKER_NUMBERS, SEED_NUMBERS};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[repr(u32)]
 pub enum SectionKind {
-    /// `u16 [joints]`: parent of each joint, or [`NO_PARENT`].
+    /// `u16 [joints]`: parent of each joint, or [`NO_PARENT`](super::NO_PARENT).
     Parents = u32::from_le_bytes(*b"JPAR"),
     /// `f32 [joints x 10]`: rest rotation x y z w, translation, scale.
     Rest = u32::from_le_bytes(*b"JRST"),
@@ -101,7 +101,7 @@ pub enum SectionKind {
     MarkerRest = u32::from_le_bytes(*b"PRST"),
     /// `u32 [markers x 2]`: offset and bytes of each marker's name.
     MarkerNames = u32::from_le_bytes(*b"PNAM"),
-    /// `u16 [parts]`: parent of each near-rigid part, or [`NO_PARENT`].
+    /// `u16 [parts]`: parent of each near-rigid part, or [`NO_PARENT`](super::NO_PARENT).
     PartParents = u32::from_le_bytes(*b"PPAR"),
     /// `f32 [parts x 4]`: the joint that holds each part to its parent, and its weight.
     PartPivots = u32::from_le_bytes(*b"PPIV"),

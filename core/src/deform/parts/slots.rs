@@ -17,7 +17,7 @@ pub struct MarkerSlots<'a> {
     /// `[slots]`: marker.
     pub markers: &'a [u16],
     /// `[slots]`: share of the marker in the position of eight vertices, and how it changes along
-    /// the two tangents of [`tangents`](super::tangents), a metre.
+    /// the two tangents of `tangents`, a metre.
     pub shares: &'a [[[f32; LANES]; 3]],
 }
 

@@ -2,7 +2,7 @@
 //!
 //! In: a template, its pairs with a scan. Out: a position and a rotation for each marker and frame.
 //! A scan of the template's own proportions takes its positions; for others, positional constraints
-//! are scaled part by part ([`carry`]) and feet kept on the floor ([`feet`]).
+//! are scaled part by part (`carry`) and feet kept on the floor (`feet`).
 
 mod carry;
 mod feet;
