@@ -2,8 +2,11 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
+mod command;
+
+use command::{Folder, object, sinew, words};
 use serde_json::Value;
 
 fn data(name: &str) -> PathBuf {
@@ -12,26 +15,7 @@ fn data(name: &str) -> PathBuf {
         .join(name)
 }
 
-/// A folder of its own, gone with the value.
-struct Folder(PathBuf);
-
 impl Folder {
-    fn new(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).expect("a folder");
-        Self(path)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-
-    fn write(&self, name: &str, bytes: &[u8]) -> String {
-        fs::write(self.0.join(name), bytes).expect("writes");
-        self.path(name)
-    }
-
     fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.0).expect("readable");
         entries
@@ -46,32 +30,8 @@ impl Folder {
     }
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-fn sinew(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sinew"))
-        .args(arguments)
-        .output()
-        .expect("runs")
-}
-
 fn status(output: &Output) -> i32 {
     output.status.code().expect("ended by itself")
-}
-
-fn words(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-/// Runs a command that must succeed and returns its object.
-fn object(arguments: &[&str]) -> Value {
-    let output = sinew(&[arguments, &["--json"]].concat());
-    assert_eq!(status(&output), 0, "{}", words(&output));
-    serde_json::from_slice(&output.stdout).expect("one JSON object")
 }
 
 fn text(path: PathBuf) -> String {

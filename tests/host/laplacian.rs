@@ -2,55 +2,12 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 
+mod command;
+
+use command::{Folder, object, sinew, words};
 use glam::{DQuat, DVec3};
-use serde_json::Value;
-
-/// A folder of its own, gone with the value.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn new(name: &str) -> Self {
-        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-        let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).expect("a folder");
-        Self(path)
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.join(name).display().to_string()
-    }
-
-    fn write(&self, name: &str, text: &str) -> String {
-        fs::write(self.0.join(name), text).expect("writes");
-        self.path(name)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-fn sinew(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sinew"))
-        .args(arguments)
-        .output()
-        .expect("runs")
-}
-
-fn words(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn object(arguments: &[&str]) -> Value {
-    let output = sinew(&[arguments, &["--json"]].concat());
-    assert_eq!(output.status.code(), Some(0), "{}", words(&output));
-    serde_json::from_slice(&output.stdout).expect("one JSON object")
-}
 
 /// What a command that must fail on its data says.
 fn refused(arguments: &[&str]) -> String {
@@ -142,8 +99,8 @@ fn markers() -> Vec<usize> {
 fn an_arm_follows_its_markers_and_verifies() {
     let folder = Folder::new("laplacian-arm");
     let (positions, triangles) = arm();
-    let scan = folder.write("arm.obj", &obj(&positions, &triangles));
-    let take = folder.write("arm.trc", &trc(&markers(), &positions, 101));
+    let scan = folder.write("arm.obj", obj(&positions, &triangles));
+    let take = folder.write("arm.trc", trc(&markers(), &positions, 101));
     let (asset, pairs, picture) = (
         folder.path("arm.sinew"),
         folder.path("pairs.txt"),
@@ -224,11 +181,11 @@ fn an_arm_follows_its_markers_and_verifies() {
 fn faults_of_scans_and_marker_files_are_named() {
     let folder = Folder::new("laplacian-faults");
     let (mut positions, mut triangles) = arm();
-    let take = folder.write("arm.trc", &trc(&markers(), &positions, 21));
+    let take = folder.write("arm.trc", trc(&markers(), &positions, 21));
     let first = positions.len();
     positions.extend([0.0, 0.02, 0.04].map(|x| DVec3::new(0.3 + x, 1.1, x * x)));
     triangles.push([first, first + 1, first + 2]);
-    let scan = folder.write("loose.obj", &obj(&positions, &triangles));
+    let scan = folder.write("loose.obj", obj(&positions, &triangles));
     let asset = folder.path("out.sinew");
     let bake = |more: &[&str]| {
         let common = [
@@ -286,12 +243,12 @@ fn faults_of_scans_and_marker_files_are_named() {
 fn a_folder_of_meshes_is_a_template() {
     let folder = Folder::new("laplacian-sequence");
     let (positions, triangles) = arm();
-    let scan = folder.write("arm.obj", &obj(&positions, &triangles));
+    let scan = folder.write("arm.obj", obj(&positions, &triangles));
     fs::create_dir(folder.path("frames")).expect("a folder");
     for frame in 0..30 {
         let angle = 1.2 * f64::from(frame) / 29.0;
         let posed: Vec<DVec3> = positions.iter().map(|p| bent(*p, angle)).collect();
-        folder.write(&format!("frames/{frame:03}.obj"), &obj(&posed, &triangles));
+        folder.write(&format!("frames/{frame:03}.obj"), obj(&posed, &triangles));
     }
     let (frames, asset) = (folder.path("frames"), folder.path("arm.sinew"));
     let baked = object(&[

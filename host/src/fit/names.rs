@@ -138,6 +138,12 @@ pub(super) fn parse<'a>(names: impl Iterator<Item = &'a str>) -> Vec<Name> {
 fn words(name: &str) -> Vec<String> {
     // What stands before a colon or bar is a namespace ("mixamorig:Hips", "Armature|Hips").
     let name = name.rsplit([':', '|']).next().unwrap_or_default();
+    split(name, true)
+}
+
+/// Lower-case words: split at separators, before a capital that ends or begins a small word, and if
+/// `at_digits` between letters and digits.
+pub(super) fn split(name: &str, at_digits: bool) -> Vec<String> {
     let letters: Vec<char> = name.chars().collect();
     let mut words: Vec<String> = Vec::new();
     let mut open = false;
@@ -149,7 +155,7 @@ fn words(name: &str) -> Vec<String> {
         if let Some(&before) = at.checked_sub(1).and_then(|before| letters.get(before)) {
             let next_small = letters.get(at + 1).is_some_and(|next| next.is_lowercase());
             let capital = letter.is_uppercase() && (before.is_lowercase() || next_small);
-            if capital || letter.is_numeric() != before.is_numeric() {
+            if capital || at_digits && letter.is_numeric() != before.is_numeric() {
                 open = false;
             }
         }

@@ -98,12 +98,25 @@ impl Graph {
     }
 
     fn shorten(&self, distances: &mut [f32], sources: &[u32]) {
-        // Distances are not negative, so their bits sort as they do.
-        let mut queue = BinaryHeap::new();
         for &source in sources {
             distances[source as usize] = 0.0;
-            queue.push(Reverse((0_u32, source)));
         }
+        self.relax(distances, sources.iter().copied(), |_, _| {});
+    }
+
+    /// Shortens distances along edges, nearest vertices first (Dijkstra 1959), from `seeds`, whose
+    /// own distances are set. `reached(vertex, from)` hears of every distance that got shorter.
+    /// O(edges log vertices)
+    pub fn relax(
+        &self,
+        distances: &mut [f32],
+        seeds: impl Iterator<Item = u32>,
+        mut reached: impl FnMut(u32, u32),
+    ) {
+        // Distances are not negative, so their bits sort as they do.
+        let mut queue: BinaryHeap<_> = seeds
+            .map(|seed| Reverse((distances[seed as usize].to_bits(), seed)))
+            .collect();
         while let Some(Reverse((bits, vertex))) = queue.pop() {
             let distance = f32::from_bits(bits);
             if distance > distances[vertex as usize] {
@@ -113,6 +126,7 @@ impl Graph {
                 let candidate = distance + length;
                 if candidate < distances[next as usize] {
                     distances[next as usize] = candidate;
+                    reached(next, vertex);
                     queue.push(Reverse((candidate.to_bits(), next)));
                 }
             }

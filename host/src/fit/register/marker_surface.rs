@@ -5,8 +5,7 @@
 //! where the cells of three markers meet, these make a triangle. So neighbours are neighbours on
 //! the body, never across an armpit.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::BTreeSet;
 
 use glam::DVec3;
 
@@ -58,7 +57,7 @@ pub fn nearest_markers(
     let graph = Graph::new(positions, &joined);
     let mut distances = vec![f32::INFINITY; positions.len()];
     let mut owner = vec![None; positions.len()];
-    let mut heap = BinaryHeap::new();
+    let mut seeds = Vec::new();
     // A marker starts at all corners of its triangle, as far away as they are.
     for (marker, glue) in glue.iter().enumerate() {
         let Some(glue) = glue else { continue };
@@ -69,25 +68,13 @@ pub fn nearest_markers(
             if away < distances[vertex as usize] {
                 distances[vertex as usize] = away;
                 owner[vertex as usize] = Some(marker as u32);
-                heap.push(Reverse((away.to_bits(), vertex)));
+                seeds.push(vertex);
             }
         }
     }
-    while let Some(Reverse((bits, vertex))) = heap.pop() {
-        let distance = f32::from_bits(bits);
-        if distance > distances[vertex as usize] {
-            continue;
-        }
-        for &(next, length) in graph.row(vertex) {
-            let candidate = distance + length;
-            if candidate < distances[next as usize] {
-                distances[next as usize] = candidate;
-                owner[next as usize] = owner[vertex as usize];
-                // Distances are not negative, so their bits sort as they do.
-                heap.push(Reverse((candidate.to_bits(), next)));
-            }
-        }
-    }
+    graph.relax(&mut distances, seeds.into_iter(), |next, from| {
+        owner[next as usize] = owner[from as usize];
+    });
     welded.iter().map(|&at| owner[at as usize]).collect()
 }
 

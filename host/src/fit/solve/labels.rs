@@ -6,6 +6,7 @@
 
 use super::template::Bone;
 use crate::fit::Side;
+use crate::fit::names::split;
 
 /// A place on the template.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,7 +134,7 @@ const TABLE: &[Entry] = &[
 #[must_use]
 pub fn landmark(label: &str) -> Option<Landmark> {
     let plain = label.rsplit(':').next().unwrap_or(label);
-    let words = words(plain);
+    let words = split(plain, false);
     let whole: String = words.concat();
     if let Some(found) = find(&whole, None) {
         return Some(found);
@@ -173,34 +174,6 @@ fn find(name: &str, side: Option<Side>) -> Option<Landmark> {
         side,
         place: entry.place,
     })
-}
-
-/// Lower-case words: split at separators, and before a capital that ends or begins a small word.
-fn words(label: &str) -> Vec<String> {
-    let letters: Vec<char> = label.chars().collect();
-    let mut words: Vec<String> = Vec::new();
-    let mut open = false;
-    for (at, &letter) in letters.iter().enumerate() {
-        if !letter.is_alphanumeric() {
-            open = false;
-            continue;
-        }
-        let before = at.checked_sub(1).and_then(|before| letters.get(before));
-        let after = letters.get(at + 1);
-        if letter.is_uppercase()
-            && (before.is_some_and(|b| b.is_lowercase()) || after.is_some_and(|a| a.is_lowercase()))
-        {
-            open = false;
-        }
-        if !open {
-            words.push(String::new());
-            open = true;
-        }
-        if let Some(word) = words.last_mut() {
-            word.extend(letter.to_lowercase());
-        }
-    }
-    words
 }
 
 #[cfg(test)]
