@@ -20,6 +20,7 @@ mod rest;
 mod rigid;
 mod skin;
 mod store;
+mod tables;
 #[cfg(feature = "simd")]
 mod transpose;
 mod vertices;

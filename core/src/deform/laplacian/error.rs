@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::deform::tables::{self, Fault};
 use crate::solve::sparse::FactorError;
 
 /// A table of a Laplacian deformer.
@@ -96,53 +97,39 @@ impl fmt::Display for LaplacianError {
 
 impl core::error::Error for LaplacianError {}
 
+/// The fault of a table with the table's name.
+fn named(table: Table) -> impl Fn(Fault) -> LaplacianError {
+    move |fault| match fault {
+        Fault::Length { needed, found } => LaplacianError::Length {
+            table,
+            needed,
+            found,
+        },
+        Fault::Index { at } => LaplacianError::Index { table, at },
+        Fault::Number { at } => LaplacianError::Number { table, at },
+    }
+}
+
 /// Checks that a table has `needed` entries.
 pub(super) fn length(table: Table, found: usize, needed: usize) -> Result<(), LaplacianError> {
-    if found == needed {
-        return Ok(());
-    }
-    Err(LaplacianError::Length {
-        table,
-        needed,
-        found,
-    })
+    tables::length(found, needed).map_err(named(table))
 }
 
 /// Checks `[rows + 1]` starts that ascend from 0 to `total`.
 pub(super) fn starts(starts: &[u32], rows: usize, total: usize) -> Result<(), LaplacianError> {
-    let table = Table::Starts;
-    length(table, starts.len(), rows.saturating_add(1))?;
-    if starts.first() != Some(&0) {
-        return Err(LaplacianError::Index { table, at: 0 });
-    }
-    if starts.last().map(|&end| end as usize) != Some(total) {
-        return Err(LaplacianError::Index { table, at: rows });
-    }
-    match starts
-        .windows(2)
-        .position(|pair| matches!(pair, [a, b] if a > b))
-    {
-        Some(at) => Err(LaplacianError::Index { table, at }),
-        None => Ok(()),
-    }
+    tables::starts(starts, rows, total).map_err(named(Table::Starts))
 }
 
 /// Checks that all numbers are finite and of a size that cannot overflow in sums.
 pub(super) fn numbers(table: Table, numbers: &[f32]) -> Result<(), LaplacianError> {
-    match numbers.iter().position(|x| !(-1e12..=1e12).contains(x)) {
-        Some(at) => Err(LaplacianError::Number { table, at }),
-        None => Ok(()),
-    }
+    tables::numbers(numbers, 1e12).map_err(named(table))
 }
 
 /// Checks that all indices are below `limit`.
 pub(super) fn below(
     table: Table,
-    mut indices: impl Iterator<Item = usize>,
+    indices: impl Iterator<Item = usize>,
     limit: usize,
 ) -> Result<(), LaplacianError> {
-    match indices.position(|index| index >= limit) {
-        Some(at) => Err(LaplacianError::Index { table, at }),
-        None => Ok(()),
-    }
+    tables::below(indices, limit).map_err(named(table))
 }

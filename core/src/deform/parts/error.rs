@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::deform::tables::{self, Fault};
+
 /// A table of a marker-driven skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -78,51 +80,39 @@ impl fmt::Display for PartsError {
 
 impl core::error::Error for PartsError {}
 
+/// The fault of a table with the table's name.
+fn named(table: PartsTable) -> impl Fn(Fault) -> PartsError {
+    move |fault| match fault {
+        Fault::Length { needed, found } => PartsError::Length {
+            table,
+            needed,
+            found,
+        },
+        Fault::Index { at } => PartsError::Index { table, at },
+        Fault::Number { at } => PartsError::Number { table, at },
+    }
+}
+
 /// Checks that a table has `needed` entries.
 pub(super) fn length(table: PartsTable, found: usize, needed: usize) -> Result<(), PartsError> {
-    if found == needed {
-        return Ok(());
-    }
-    Err(PartsError::Length {
-        table,
-        needed,
-        found,
-    })
+    tables::length(found, needed).map_err(named(table))
 }
 
 /// Checks `[rows + 1]` starts that ascend from 0 to `total`.
 pub(super) fn starts(starts: &[u32], rows: usize, total: usize) -> Result<(), PartsError> {
-    let table = PartsTable::Starts;
-    length(table, starts.len(), rows.saturating_add(1))?;
-    if starts.first() != Some(&0) {
-        return Err(PartsError::Index { table, at: 0 });
-    }
-    if starts.last().map(|&end| end as usize) != Some(total) {
-        return Err(PartsError::Index { table, at: rows });
-    }
-    let descends = |pair: &[u32]| matches!(pair, [a, b] if a > b);
-    match starts.windows(2).position(descends) {
-        Some(at) => Err(PartsError::Index { table, at }),
-        None => Ok(()),
-    }
+    tables::starts(starts, rows, total).map_err(named(PartsTable::Starts))
 }
 
 /// Checks that all numbers are at most `limit` in magnitude.
 pub(super) fn numbers(table: PartsTable, numbers: &[f32], limit: f32) -> Result<(), PartsError> {
-    match numbers.iter().position(|x| !(-limit..=limit).contains(x)) {
-        Some(at) => Err(PartsError::Number { table, at }),
-        None => Ok(()),
-    }
+    tables::numbers(numbers, limit).map_err(named(table))
 }
 
 /// Checks that all indices are below `limit`.
 pub(super) fn below(
     table: PartsTable,
-    mut indices: impl Iterator<Item = usize>,
+    indices: impl Iterator<Item = usize>,
     limit: usize,
 ) -> Result<(), PartsError> {
-    match indices.position(|index| index >= limit) {
-        Some(at) => Err(PartsError::Index { table, at }),
-        None => Ok(()),
-    }
+    tables::below(indices, limit).map_err(named(table))
 }
