@@ -112,7 +112,7 @@ pub fn retarget(
         for track in &mut tracks {
             let joint = &local[track.joint];
             match track.channel {
-                Channel::Rotation => push_rotation(track, joint.rotation),
+                Channel::Rotation => track.push_rotation(joint.rotation),
                 _ => track.values.push(joint.translation.extend(0.0).to_array()),
             }
         }
@@ -279,13 +279,8 @@ fn empty_tracks(correspondence: &Correspondence, times: &[f64]) -> Vec<Track> {
         let translation = (joint == correspondence.target.hips).then_some(Channel::Translation);
         let rotation = drive.map(|_| Channel::Rotation);
         for channel in translation.into_iter().chain(rotation) {
-            tracks.push(Track {
-                joint,
-                channel,
-                interpolation: Interpolation::Linear,
-                times: times.to_vec(),
-                values: Vec::with_capacity(times.len()),
-            });
+            let values = Vec::with_capacity(times.len());
+            tracks.push(Track::linear(joint, channel, times, values));
         }
     }
     tracks
@@ -323,17 +318,6 @@ fn frame_times(clip: &Clip) -> Result<Vec<f64>, FitError> {
         times.push(clip.duration);
     }
     Ok(times)
-}
-
-/// Adds a key on the side of the last one, so that interpolation takes the shorter arc.
-fn push_rotation(track: &mut Track, rotation: DQuat) {
-    let flip = track
-        .values
-        .last()
-        .is_some_and(|&last| DQuat::from_array(last).dot(rotation) < 0.0);
-    track
-        .values
-        .push(if flip { -rotation } else { rotation }.to_array());
 }
 
 fn moves(track: &Track, skeleton: &Skeleton) -> bool {

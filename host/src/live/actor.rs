@@ -5,7 +5,7 @@ use glam::{DQuat, DVec3};
 use super::LiveError;
 use super::vmc::{BONES, Packet, Placed};
 use crate::fit::{Correspondence, Options, retarget_pose};
-use crate::model::{Channel, Clip, Interpolation, Joint, Motion, Skeleton, Track, Transform};
+use crate::model::{Channel, Clip, Joint, Motion, Skeleton, Track, Transform};
 
 /// Bones without which a body cannot be followed.
 const NEEDED: [&str; 9] = [
@@ -215,26 +215,20 @@ impl Recording {
             let placed = joints[joint].parent.is_none() || joints[joint].name == "Hips";
             let translation = placed.then_some(Channel::Translation);
             for channel in translation.into_iter().chain([Channel::Rotation]) {
-                let mut values: Vec<[f64; 4]> = Vec::with_capacity(times.len());
+                let values = Vec::with_capacity(times.len());
+                let mut track = Track::linear(joint, channel, &times, values);
                 for pose in &self.poses {
-                    let value = match channel {
-                        Channel::Rotation => {
-                            let last = values.last().map(|&last| DQuat::from_array(last));
-                            let now = pose[joint].rotation;
-                            let flip = last.is_some_and(|last| last.dot(now) < 0.0);
-                            if flip { -now } else { now }.to_array()
-                        }
-                        _ => pose[joint].translation.extend(0.0).to_array(),
-                    };
-                    values.push(value);
+                    let Transform {
+                        translation,
+                        rotation,
+                        ..
+                    } = pose[joint];
+                    match channel {
+                        Channel::Rotation => track.push_rotation(rotation),
+                        _ => track.values.push(translation.extend(0.0).to_array()),
+                    }
                 }
-                tracks.push(Track {
-                    joint,
-                    channel,
-                    interpolation: Interpolation::Linear,
-                    times: times.clone(),
-                    values,
-                });
+                tracks.push(track);
             }
         }
         Some(Motion {

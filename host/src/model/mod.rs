@@ -172,6 +172,28 @@ pub struct Track {
     pub values: Vec<[f64; 4]>,
 }
 
+impl Track {
+    /// Straight lines between keys. `times`, `values`: `[keys]`.
+    #[must_use]
+    pub fn linear(joint: usize, channel: Channel, times: &[f64], values: Vec<[f64; 4]>) -> Self {
+        Self {
+            joint,
+            channel,
+            interpolation: Interpolation::Linear,
+            times: times.to_vec(),
+            values,
+        }
+    }
+
+    /// Adds a value on the side of the last one, so that interpolation takes the shorter arc.
+    pub fn push_rotation(&mut self, rotation: DQuat) {
+        let last = self.values.last().map(|&last| DQuat::from_array(last));
+        let flip = last.is_some_and(|last| last.dot(rotation) < 0.0);
+        let value = if flip { -rotation } else { rotation };
+        self.values.push(value.to_array());
+    }
+}
+
 /// Animated morph weights of a mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MorphTrack {

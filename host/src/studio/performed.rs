@@ -3,7 +3,7 @@
 use glam::DAffine3;
 
 use super::body::Body;
-use crate::model::{Channel, Clip, Interpolation, Track, Transform};
+use crate::model::{Channel, Clip, Track, Transform};
 
 /// The body's motion, one key a frame, so that whatever is solved from the capture can stand beside
 /// it. O(frames x joints)
@@ -30,13 +30,7 @@ pub fn performed(body: &Body<'_>) -> Clip {
     let mut tracks = Vec::new();
     for joint in 0..skeleton.joints.len() {
         let mut track = |channel, values: Vec<[f64; 4]>| {
-            tracks.push(Track {
-                joint,
-                channel,
-                interpolation: Interpolation::Linear,
-                times: times.clone(),
-                values,
-            });
+            tracks.push(Track::linear(joint, channel, &times, values));
         };
         let places = poses
             .iter()

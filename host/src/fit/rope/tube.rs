@@ -12,7 +12,7 @@ use glam::{DAffine3, DQuat, DVec3};
 
 use super::Trace;
 use crate::model::{
-    Avatar, Bind, Channel, Clip, Interpolation, Joint, Mesh, Part, Skeleton, Skin, Track, Transform,
+    Avatar, Bind, Channel, Clip, Joint, Mesh, Part, Skeleton, Skin, Track, Transform,
 };
 
 /// How a tube looks.
@@ -240,13 +240,7 @@ fn clip(poses: &[RopePose], rate: f64, name: &str) -> Clip {
     let mut tracks = Vec::new();
     for i in 0..poses[0].positions.len() {
         let mut track = |channel, values: Vec<[f64; 4]>| {
-            tracks.push(Track {
-                joint: i + 1,
-                channel,
-                interpolation: Interpolation::Linear,
-                times: times.clone(),
-                values,
-            });
+            tracks.push(Track::linear(i + 1, channel, &times, values));
         };
         let places = poses
             .iter()

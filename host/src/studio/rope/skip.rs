@@ -9,7 +9,7 @@ use super::body::two_bones;
 use super::{Motion, Scene, SceneError, jump};
 use crate::fit::humanoid::{Part, Role, SIDES, Side};
 use crate::fit::{Humanoid, Which};
-use crate::model::{Avatar, Channel, Clip, Interpolation, Skeleton, Track, Transform};
+use crate::model::{Avatar, Channel, Clip, Skeleton, Track, Transform};
 
 /// Height for which the driver's hands are placed, metres.
 const USUAL_HEIGHT: f64 = 1.72;
@@ -181,13 +181,7 @@ pub fn skipping(avatar: &Avatar, scene: &Scene) -> Result<(Clip, Scene), SceneEr
     joints.dedup();
     for joint in joints {
         let mut track = |channel, values| {
-            tracks.push(Track {
-                joint,
-                channel,
-                interpolation: Interpolation::Linear,
-                times: times.clone(),
-                values,
-            });
+            tracks.push(Track::linear(joint, channel, &times, values));
         };
         if joint == skipper.hips {
             let places = poses
