@@ -65,7 +65,7 @@ fn open(column: usize, segment: usize, offset: DVec3, scale: f64) -> Marker {
         segment,
         offset,
         anchor: None,
-        blend: 0.0,
+        shares: Vec::new(),
         expected: offset / scale,
         spread: OPEN,
     }

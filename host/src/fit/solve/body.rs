@@ -49,13 +49,22 @@ pub struct Marker {
     pub offset: DVec3,
     /// A segment that follows and whose joint lies near: the marker is expected relative to it.
     pub anchor: Option<usize>,
-    /// Share in which the anchor's segment carries it too, as skin near a joint moves with both.
-    pub blend: f64,
+    /// Neighbours of the segment that carry it too, as skin near a joint moves with both sides.
+    pub shares: Vec<Share>,
     /// What `offset` is expected to be, from the anchor if there is one, before scaling to the
     /// subject.
     pub expected: DVec3,
     /// Standard deviation of that expectation, metres.
     pub spread: f64,
+}
+
+/// A part that another segment has in carrying a marker.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Share {
+    /// The parent of the marker's segment, or one of its children.
+    pub segment: usize,
+    /// 0 to 1; all of a marker's are at most 1 together.
+    pub share: f64,
 }
 
 /// Noise before it is known, metres.
@@ -130,17 +139,23 @@ impl Body {
 
     /// Where a marker is. O(1)
     pub fn marker(&self, marker: &Marker, placed: &Placed) -> DVec3 {
-        let (own, other) = self.carried(marker, placed);
-        other.map_or(own, |other| own.lerp(other, marker.blend))
+        let own = self.carried(marker, marker.segment, placed);
+        let shares = marker.shares.iter();
+        let moved = shares.map(|of| of.share * (self.carried(marker, of.segment, placed) - own));
+        own + moved.sum::<DVec3>()
     }
 
-    /// Where its segment, and its anchor's, would carry a marker alone.
-    pub fn carried(&self, marker: &Marker, placed: &Placed) -> (DVec3, Option<DVec3>) {
-        let by = |at: usize, offset: DVec3| placed.joints[at] + placed.rotations[at] * offset;
-        let other = marker
-            .anchor
-            .map(|at| by(at, marker.offset - self.segments[at].offset));
-        (by(marker.segment, marker.offset), other)
+    /// Where its segment, or a neighbour of that one, would carry a marker alone. O(1)
+    pub fn carried(&self, marker: &Marker, by: usize, placed: &Placed) -> DVec3 {
+        let own = marker.segment;
+        let apart = if by == own {
+            DVec3::ZERO
+        } else if self.segments[own].parent == Some(by) {
+            self.segments[own].offset
+        } else {
+            -self.segments[by].offset
+        };
+        placed.joints[by] + placed.rotations[by] * (marker.offset + apart)
     }
 
     /// A segment and all above it, itself first.

@@ -7,16 +7,18 @@
 //! motion leaves open. Poses are eliminated frame by frame (Schur complement; Triggs et al.,
 //! *Bundle Adjustment, a Modern Synthesis*, 2000).
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::body::{Body, Pose};
 use super::equations::{Layout, Normal, Sample, cost, expectations, loss, parent_axes};
 use crate::clean::linear::Cholesky;
 
-/// Share of the next segment in a marker near its joint: usual, spread, most.
-pub const BLEND: f64 = 0.15;
-const BLEND_SPREAD: f64 = 0.25;
-const MOST_BLEND: f64 = 0.8;
+/// Share of a neighbouring segment in a marker near its joint: usual, spread, most of all together.
+pub const SHARE: f64 = 0.15;
+const SHARE_SPREAD: f64 = 0.25;
+const MOST_SHARED: f64 = 0.8;
 
 /// A frame with its markers and its pose so far.
 #[derive(Clone, Debug)]
@@ -42,44 +44,51 @@ impl Default for Weighing {
     fn default() -> Self {
         Self {
             scale_spread: 0.15,
-            mirror_spread: 0.004,
+            mirror_spread: 0.003,
             independent_frames: 30.0,
         }
     }
 }
 
 /// Where the unknowns of the body stand.
-#[derive(Clone, Copy)]
 struct Unknowns {
     segments: usize,
-    markers: usize,
+    /// `[markers + 1]`: first column of a marker's shares, and the end.
+    shares: Vec<usize>,
     count: usize,
 }
 
 impl Unknowns {
     fn new(body: &Body) -> Self {
         let segments = body.segments.len();
+        let mut end = 3 * (segments - 1) + 3 * body.markers.len();
+        let mut shares = vec![end];
+        for marker in &body.markers {
+            end += marker.shares.len();
+            shares.push(end);
+        }
         Self {
             segments,
-            markers: body.markers.len(),
-            count: 3 * (segments - 1) + 4 * body.markers.len() + 1,
+            shares,
+            count: end + 1,
         }
     }
 
     /// First column of a joint's offset; the root has none.
-    fn segment(self, at: usize) -> Option<usize> {
+    fn segment(&self, at: usize) -> Option<usize> {
         at.checked_sub(1).map(|at| 3 * at)
     }
 
-    fn marker(self, at: usize) -> usize {
+    fn marker(&self, at: usize) -> usize {
         3 * (self.segments - 1) + 3 * at
     }
 
-    fn blend(self, at: usize) -> usize {
-        self.marker(self.markers) + at
+    /// Columns of a marker's shares.
+    fn shares(&self, at: usize) -> Range<usize> {
+        self.shares[at]..self.shares[at + 1]
     }
 
-    fn scale(self) -> usize {
+    fn scale(&self) -> usize {
         self.count - 1
     }
 }
@@ -175,15 +184,17 @@ impl System {
                     }
                 }
                 let turn = placed.rotations[marker.segment];
+                let here = body.carried(marker, marker.segment, &placed);
                 let mut axes = turn;
-                if let Some(anchor) = marker.anchor {
-                    let apart = (placed.rotations[anchor] - turn) * marker.blend;
+                for (column, of) in unknowns.shares(sample.marker).zip(&marker.shares) {
+                    others.push((column, body.carried(marker, of.segment, &placed) - here));
+                    let apart = (placed.rotations[of.segment] - turn) * of.share;
                     axes += apart;
-                    if let Some(column) = unknowns.segment(anchor) {
+                    // A child's joint moves against the point that it carries; with a parent's
+                    // share both move alike.
+                    let child = body.segments[of.segment].parent == Some(marker.segment);
+                    if let Some(column) = unknowns.segment(of.segment).filter(|_| child) {
                         others.extend((0..3).map(|axis| (column + axis, -apart.col(axis))));
-                    }
-                    if let (here, Some(other)) = body.carried(marker, &placed) {
-                        others.push((unknowns.blend(sample.marker), other - here));
                     }
                 }
                 let column = unknowns.marker(sample.marker);
@@ -266,7 +277,13 @@ impl System {
         }
         for (at, marker) in tried.markers.iter_mut().enumerate() {
             marker.offset += DVec3::from_slice(&right[self.unknowns.marker(at)..]);
-            marker.blend = (marker.blend + right[self.unknowns.blend(at)]).clamp(0.0, MOST_BLEND);
+            let columns = self.unknowns.shares(at);
+            for (of, step) in marker.shares.iter_mut().zip(&right[columns]) {
+                of.share = (of.share + step).max(0.0);
+            }
+            let all: f64 = marker.shares.iter().map(|of| of.share).sum();
+            let fewer = MOST_SHARED / all.max(MOST_SHARED);
+            marker.shares.iter_mut().for_each(|of| of.share *= fewer);
         }
         tried.scale += right[self.unknowns.scale()];
         let moved = frames.iter().zip(&solved).map(|(frame, wide)| {
@@ -356,9 +373,14 @@ fn shape(
         }
     }
     for (at, marker) in body.markers.iter().enumerate() {
-        let usual = marker.anchor.map_or(0.0, |_| BLEND);
-        let column = unknowns.blend(at);
-        add(&[(column, 1.0)], marker.blend - usual, BLEND_SPREAD);
+        for (column, of) in unknowns.shares(at).zip(&marker.shares) {
+            let usual = if marker.anchor == Some(of.segment) {
+                SHARE
+            } else {
+                0.0
+            };
+            add(&[(column, 1.0)], of.share - usual, SHARE_SPREAD);
+        }
     }
     add(
         &[(scale, 1.0)],

@@ -76,11 +76,22 @@ impl Layout {
                 out.extend((0..3).map(|axis| (column + axis, axes.col(axis).cross(arm))));
             }
         };
-        for &joint in &self.lines[marker.segment] {
-            turn(joint, at - placed.joints[joint]);
+        let own = marker.segment;
+        let mut arm = at - placed.joints[own];
+        for of in &marker.shares {
+            let carried =
+                of.share * (body.carried(marker, of.segment, placed) - placed.joints[own]);
+            if body.segments[own].parent == Some(of.segment) {
+                // The parent's share does not turn with the segment.
+                arm -= carried;
+            } else {
+                let from_own = of.share * (placed.joints[of.segment] - placed.joints[own]);
+                turn(of.segment, carried - from_own);
+            }
         }
-        if let (Some(anchor), (_, Some(other))) = (marker.anchor, body.carried(marker, placed)) {
-            turn(anchor, marker.blend * (other - placed.joints[anchor]));
+        turn(own, arm);
+        for &joint in self.lines[own].iter().skip(1) {
+            turn(joint, at - placed.joints[joint]);
         }
     }
 
@@ -266,9 +277,11 @@ mod tests {
             .map(|(at, label)| (at, landmark(label).unwrap()))
             .collect();
         let mut body = template::body(&known, 0.0);
-        body.markers
+        let shares = body
+            .markers
             .iter_mut()
-            .for_each(|marker| marker.blend = 0.3);
+            .flat_map(|marker| &mut marker.shares);
+        shares.for_each(|of| of.share = 0.2);
         let layout = Layout::new(&body);
         assert_eq!(
             layout.columns[template::index(Bone::Toes, Some(Side::Left))],

@@ -279,7 +279,7 @@ fn join(take: &Take, groups: &[Group]) -> Body {
                 segment,
                 offset: *marker - joint,
                 anchor: None,
-                blend: 0.0,
+                shares: Vec::new(),
                 expected: *marker - joint,
                 spread: 0.005,
             });

@@ -92,7 +92,7 @@ const NEEDED: usize = 3;
 /// Share of labels that must be landmarks for a set to be recognised.
 const RECOGNISED: f64 = 0.5;
 /// Least and most that markers are taken to stray, metres.
-const NOISE: (f64, f64) = (0.0045, 0.01);
+const NOISE: (f64, f64) = (0.002, 0.01);
 /// Rounds of calibration, and steps in each.
 const ROUNDS: usize = 3;
 const STEPS: usize = 15;

@@ -7,8 +7,8 @@
 
 use glam::DVec3;
 
-use super::body::{Body, FIRST_NOISE, Hinge, Marker, Segment};
-use super::calibrate::BLEND;
+use super::body::{Body, FIRST_NOISE, Hinge, Marker, Segment, Share};
+use super::calibrate::SHARE;
 use super::labels::{Landmark, Place};
 use crate::fit::Side;
 
@@ -74,32 +74,35 @@ const fn row(
     }
 }
 
-/// A bone that follows the one above it alone fixes that one's axes: across, its direction is exact.
-const EXACT: f64 = 0.002;
+/// A bone that follows the one above it alone fixes that one's axes: across, it strays this little, metres.
+const ACROSS: f64 = 0.01;
 /// A landmark this near the next joint is expected relative to it, metres.
 const NEAR_JOINT: f64 = 0.09;
 /// The same on the pelvis, whose skin the thighs move most.
 const NEAR_HIP: f64 = 0.14;
+/// Segments whose joint lies this near move the skin of the trunk too, metres; limbs' skin moves
+/// within [`NEAR_JOINT`].
+const NEAR_TRUNK: f64 = 0.18;
 const FREE: [f64; 3] = [2.0; 3];
 
 #[rustfmt::skip]
 const TRUNK: [Row; 5] = [
     row(Bone::Hips, None, "Hips", [0.0, 0.96, 0.0], [0.02; 3], FREE),
-    row(Bone::Spine, Some(Bone::Hips), "Spine", [0.0, 1.05, -0.02], [0.004, 0.02, 0.015], [0.4; 3]),
-    row(Bone::Chest, Some(Bone::Spine), "Chest", [0.0, 1.20, -0.03], [EXACT, 0.02, EXACT], [0.4; 3]),
-    row(Bone::Neck, Some(Bone::Chest), "Neck", [0.0, 1.46, -0.02], [0.004, 0.025, 0.02], [0.5; 3]),
-    row(Bone::Head, Some(Bone::Neck), "Head", [0.0, 1.56, 0.0], [EXACT, 0.015, EXACT], [0.5; 3]),
+    row(Bone::Spine, Some(Bone::Hips), "Spine", [0.0, 1.05, -0.02], [ACROSS, 0.02, 0.015], [0.4; 3]),
+    row(Bone::Chest, Some(Bone::Spine), "Chest", [0.0, 1.20, -0.03], [ACROSS, 0.02, ACROSS], [0.4; 3]),
+    row(Bone::Neck, Some(Bone::Chest), "Neck", [0.0, 1.46, -0.02], [ACROSS, 0.025, 0.02], [0.5; 3]),
+    row(Bone::Head, Some(Bone::Neck), "Head", [0.0, 1.56, 0.0], [ACROSS, 0.015, ACROSS], [0.5; 3]),
 ];
 
 #[rustfmt::skip]
 const SIDE: [Row; 8] = [
     row(Bone::Shoulder, Some(Bone::Chest), "Shoulder", [0.025, 1.41, 0.01], [0.01; 3], [0.2, 0.3, 0.3]),
-    row(Bone::Arm, Some(Bone::Shoulder), "Arm", [0.18, 1.41, -0.015], [0.03, EXACT, EXACT], FREE),
-    row(Bone::ForeArm, Some(Bone::Arm), "ForeArm", [0.46, 1.41, -0.015], [0.06, EXACT, EXACT], FREE),
-    row(Bone::Hand, Some(Bone::ForeArm), "Hand", [0.715, 1.41, -0.015], [0.06, EXACT, EXACT], [0.3, 0.6, 0.8]),
+    row(Bone::Arm, Some(Bone::Shoulder), "Arm", [0.18, 1.41, -0.015], [0.03, 0.02, 0.02], FREE),
+    row(Bone::ForeArm, Some(Bone::Arm), "ForeArm", [0.46, 1.41, -0.015], [0.06, ACROSS, ACROSS], FREE),
+    row(Bone::Hand, Some(Bone::ForeArm), "Hand", [0.715, 1.41, -0.015], [0.06, ACROSS, ACROSS], [0.5, 0.6, 0.8]),
     row(Bone::UpLeg, Some(Bone::Hips), "UpLeg", [0.088, 0.915, 0.005], [0.02, 0.03, 0.025], FREE),
-    row(Bone::Leg, Some(Bone::UpLeg), "Leg", [0.088, 0.49, 0.005], [EXACT, 0.06, EXACT], FREE),
-    row(Bone::Foot, Some(Bone::Leg), "Foot", [0.088, 0.08, 0.005], [EXACT, 0.05, EXACT], [0.7, 0.5, 0.5]),
+    row(Bone::Leg, Some(Bone::UpLeg), "Leg", [0.088, 0.49, 0.005], [ACROSS, 0.06, ACROSS], FREE),
+    row(Bone::Foot, Some(Bone::Leg), "Foot", [0.088, 0.08, 0.005], [ACROSS, 0.05, ACROSS], [0.7, 0.5, 0.5]),
     row(Bone::Toes, Some(Bone::Foot), "ToeBase", [0.098, 0.025, 0.135], [0.015, 0.008, 0.02], [0.5, 0.1, 0.1]),
 ];
 
@@ -253,13 +256,24 @@ pub fn body(landmarks: &[(usize, Landmark)], radius: f64) -> Body {
                 away(at) < near
             })
             .min_by(|a, b| away(a).total_cmp(&away(b)));
+        let trunk = body.segments[segment].mirror.is_none();
+        let near = if trunk { NEAR_TRUNK } else { NEAR_JOINT };
+        let shares = (0..body.segments.len()).filter(|&at| {
+            let parent = body.segments[segment].parent == Some(at) && offset.length() < near;
+            anchor == Some(at) || parent || follows(&at) && away(&at) < near
+        });
+        let shares = shares.map(|at| Share {
+            segment: at,
+            share: if anchor == Some(at) { SHARE } else { 0.0 },
+        });
+        let shares = shares.collect();
         let expected = offset - anchor.map_or(DVec3::ZERO, |at| body.segments[at].expected);
         body.markers.push(Marker {
             column: *column,
             segment,
             offset,
             anchor,
-            blend: anchor.map_or(0.0, |_| BLEND),
+            shares,
             expected,
             spread: place.spread,
         });
