@@ -4,6 +4,10 @@ use std::fs;
 use std::path::Path;
 
 use glam::{DAffine3, DVec3};
+use sinew_host::export::png::contact_sheet;
+use sinew_host::export::render::{
+    Bounds, Camera, Colors, Floor, Image, Mesh as Drawn, Quality, Rgb, Scene, render,
+};
 use sinew_host::fit::{Correspondence, Options, retarget};
 use sinew_host::import::read_bvh;
 use sinew_host::model::{Clip, Mesh, Motion, Skeleton, Skin};
@@ -105,4 +109,60 @@ pub fn difference(
     sorted.sort_by(f64::total_cmp);
     out.most = sorted[sorted.len() * 95 / 100];
     out
+}
+
+/// A surface as it is drawn, vertices in their colours, seen from half left.
+#[must_use]
+pub fn picture(positions: &[DVec3], triangles: &[[u32; 3]], colors: &[Rgb], size: usize) -> Image {
+    let skin: Vec<[f32; 3]> = positions.iter().map(|at| at.as_vec3().to_array()).collect();
+    let bounds = Bounds::of(&skin);
+    let scene = Scene {
+        meshes: vec![Drawn {
+            positions: &skin,
+            normals: None,
+            triangles,
+            colors: Colors::PerVertex(colors),
+        }],
+        floor: Some(Floor {
+            height: bounds.min.y as f32,
+        }),
+        ..Scene::default()
+    };
+    let camera = Camera::framing(bounds, 0.6, 0.1, 0.9);
+    render(&scene, &camera, size * 9 / 10, size, Quality::Good)
+}
+
+/// How far each vertex is off as a colour: skin below 2 mm, red from 40 mm on.
+#[must_use]
+pub fn heat(each: &[f64]) -> Vec<Rgb> {
+    let color = |off: &f64| {
+        let part = ((off - 0.002) / 0.038).clamp(0.0, 1.0);
+        let mix = |from: f64, to: f64| (from + part * (to - from)) as u8;
+        [mix(208.0, 214.0), mix(170.0, 20.0), mix(148.0, 20.0)]
+    };
+    each.iter().map(color).collect()
+}
+
+/// Skins of one mesh beside each other, a row a pose: the first as it is, the others coloured by their
+/// distance from it.
+#[must_use]
+pub fn side_by_side(mesh: &Mesh, skins: &[(&str, &Skin, &[Vec<DAffine3>])]) -> Image {
+    let mut pictures = Vec::new();
+    let mut captions = Vec::new();
+    let poses = skins.first().map_or(0, |(_, _, poses)| poses.len());
+    for pose in 0..poses {
+        let mut truth: Option<Vec<DVec3>> = None;
+        for (name, skin, poses) in skins {
+            let at = surface(mesh, skin, &poses[pose]);
+            let first = truth.get_or_insert_with(|| at.clone());
+            let off: Vec<f64> = at
+                .iter()
+                .zip(first.iter())
+                .map(|(a, b)| a.distance(*b))
+                .collect();
+            pictures.push(picture(&at, &mesh.triangles, &heat(&off), 560));
+            captions.push(*name);
+        }
+    }
+    contact_sheet(&pictures, skins.len(), &captions)
 }

@@ -1,15 +1,20 @@
 //! Automatic weights and skeletons against those of artists.
 //!
-//!     cargo run --release -p sinew-tests --example rigging
+//!     cargo run --release -p sinew-tests --example rigging -- sheet.png
+//!
+//! The picture shows the artist's skin, smooth and simple weights on the artist's joints, and smooth
+//! weights on fitted joints, coloured by their distance from the artist's.
 
 use std::time::Instant;
 
+use sinew_host::export::png::write_png;
+use sinew_host::export::render::Image;
 use sinew_host::fit::humanoid::{PARTS, SIDES};
 use sinew_host::fit::rig::fit_skeleton;
 use sinew_host::fit::weights::{Method, WeightOptions, weigh};
 use sinew_host::fit::{Humanoid, Which};
-use sinew_host::model::Skeleton;
-use sinew_tests::bare::{bundled, carried, difference, poses};
+use sinew_host::model::{Avatar, Motion, Skeleton};
+use sinew_tests::bare::{bundled, carried, difference, poses, side_by_side};
 use sinew_tests::{human, shared};
 
 const METHODS: [Method; 2] = [Method::Simple, Method::Smooth];
@@ -37,6 +42,9 @@ fn main() {
                 println!("  {}: {found}", motion.clip.name);
             }
         }
+    }
+    if let Some(path) = std::env::args().nth(1) {
+        write_png(&path, &sheet(&body, &motions)).expect("writes");
     }
     let mut sources = vec![("its own".to_owned(), body.skeleton.clone(), Vec::new())];
     let others = [
@@ -81,6 +89,37 @@ fn main() {
             }
         }
     }
+}
+
+fn sheet(body: &Avatar, motions: &[Motion]) -> Image {
+    let fitted = fit_skeleton(&body.mesh, &body.skeleton, &[])
+        .expect("fits")
+        .skeleton;
+    let weights = |skeleton: &Skeleton, method| {
+        let options = WeightOptions {
+            method,
+            ..WeightOptions::default()
+        };
+        weigh(&body.mesh, skeleton, &options).expect("weighs").skin
+    };
+    let poses = |skeleton: &Skeleton| {
+        let of = |motion| poses(skeleton, &carried(motion, skeleton), 20);
+        let all: Vec<_> = motions.iter().flat_map(of).collect();
+        [1, 5, 12, 16, 20].map(|at| all[at].clone())
+    };
+    let (own, other) = (poses(&body.skeleton), poses(&fitted));
+    let smooth = weights(&body.skeleton, Method::Smooth);
+    let simple = weights(&body.skeleton, Method::Simple);
+    let both = weights(&fitted, Method::Smooth);
+    side_by_side(
+        &body.mesh,
+        &[
+            ("artist", &body.skin, &own),
+            ("smooth", &smooth, &own),
+            ("simple", &simple, &own),
+            ("smooth, joints fitted", &both, &other),
+        ],
+    )
 }
 
 /// Says how far joints of the same role are from the artist's.

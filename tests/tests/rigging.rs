@@ -159,7 +159,7 @@ fn moved(body: &Avatar, by: DAffine3) -> Avatar {
 
 #[test]
 fn an_arm_beside_the_hip_does_not_pull_it() {
-    let body = with_arms(&human::body(), DVec3::new(0.06, -1.0, 0.0));
+    let body = with_arms(&human::body(), DVec3::new(0.16, -1.0, 0.0));
     let wrong = |skin: &Skin| {
         let side = |joint: usize| {
             let name = body.skeleton.joints[joint].name.as_str();

@@ -64,7 +64,12 @@ impl Inside {
             // Thin parts have no cell right under each vertex.
             for reach in [0, 1] {
                 for (cell, _) in self.solid.around(under, reach) {
-                    let gone = self.solid.centre(cell).distance(at) as f32;
+                    let way = self.solid.centre(cell) - at;
+                    // What lies before the surface is of another part.
+                    if way.dot(normal) > 0.0 {
+                        continue;
+                    }
+                    let gone = way.length() as f32;
                     let through = distances[cell as usize] + gone;
                     if through < distance[vertex] {
                         (distance[vertex], mark[vertex]) = (through, marks[cell as usize]);

@@ -2,11 +2,13 @@
 //! inside.
 
 mod closest;
+mod outward;
 mod solid;
 mod tree;
 mod weld;
 
 pub use closest::Nearest;
-pub use solid::{Solid, face_outward};
+pub use outward::face_outward;
+pub use solid::Solid;
 pub use tree::{Hit, Tree};
 pub use weld::weld;
