@@ -4,9 +4,11 @@
 //! that needs one calls [`shared`]; where the folder is absent the test says so and passes as
 //! skipped.
 
+pub mod bare;
 pub mod body;
 pub mod budgets;
 pub mod cases;
+pub mod cut;
 pub mod dense;
 pub mod filming;
 pub mod gltf_oracle;

@@ -7,12 +7,15 @@ use serde_json::{Value, json};
 
 use super::load::Reading;
 use super::markers::FromMarkers;
+use super::register::Body;
+use super::rig::rig;
 use super::say::{Say, bytes, notices_json, thousands};
 use super::track::learn_from;
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
 use crate::bake::{BakeOptions, BakeReport, Baked, bake_with};
 use crate::export::write_atomic;
+use crate::fit::weights::WeightOptions;
 use crate::fit::{Correspondence, Options, Reference, feet, floor, retarget};
 use crate::import::Place;
 use crate::model::{Avatar, Clip, Motion, Notice, Skeleton};
@@ -30,6 +33,7 @@ Examples:
   sinew bake --mesh body.glb --motion walk.bvh --motion run.bvh --output body.sinew
   sinew bake --mesh body.glb --marker-set clean.c3d --output body.sinew
   sinew bake --mesh body.glb --motion walk.bvh --compress 0.5 --output body.sinew
+  sinew bake --mesh scan.obj --auto-rig --motion walk.bvh --output body.sinew
   sinew bake --mesh body.glb --motion odd.bvh --map Bip01_Pelvis=hips --output body.sinew
   sinew bake --mesh body.glb --centres --levels 5000,2000 --output game.sinew
   sinew bake --mesh body.glb --vertices 2000 --influences 4 --quantise --compress 0.5 --output device.sinew
@@ -39,9 +43,12 @@ Examples:
   sinew bake --mode laplacian --mesh scan.obj --template walk.bvh --picture markers.png \\
     --save-pairs markers.txt --output scan.sinew")]
 pub(crate) struct Bake {
-    /// The body: a .glb or .gltf with skin weights; a scan may be a .ply or .obj too.
+    /// The body: a .glb or .gltf with skin weights; with --auto-rig, and for scans, a .ply or .obj too.
     #[arg(long)]
     mesh: PathBuf,
+    /// Give a body without skin weights a rig first: the skeleton of the first --motion, fitted.
+    #[arg(long)]
+    auto_rig: bool,
     /// Captured motion (.bvh), put on the body by rotation alone; may be given several times.
     #[arg(long)]
     motion: Vec<PathBuf>,
@@ -186,7 +193,11 @@ impl Bake {
             let (scan, output) = (&self.laplacian, &self.output);
             return scan.run(mesh, followed, reading, &options, output, say);
         }
-        let (mut body, mut notices) = load::avatar(&self.mesh)?;
+        let (mut body, mut notices) = if self.auto_rig {
+            (self.rigged(say)?, Vec::new())
+        } else {
+            load::avatar(&self.mesh)?
+        };
         say.notices(&self.mesh.display().to_string(), &notices);
         for path in &self.motion {
             let (motion, more) = load::motion(path, self.fitting.reading)?;
@@ -243,6 +254,23 @@ impl Bake {
         }
         object["notices"] = notices_json(&notices);
         Ok(object)
+    }
+}
+
+impl Bake {
+    /// The body with the skeleton of the first motion.
+    fn rigged(&self, say: &Say) -> Result<Avatar, Failure> {
+        let Some(path) = self.motion.first() else {
+            return Err(Failure::Usage(
+                "--auto-rig takes its skeleton from a motion; give a --motion".into(),
+            ));
+        };
+        let (motion, _) = load::motion(path, self.fitting.reading)?;
+        let body = Body::load(&self.mesh, self.fitting.reading, false, say)?;
+        let options = WeightOptions::default();
+        let (skeleton, ends) = (&motion.skeleton, &motion.end_sites);
+        let made = rig(&self.mesh, body.mesh(), skeleton, ends, true, &options, say)?;
+        Ok(made.body)
     }
 }
 

@@ -8,11 +8,13 @@ mod clean;
 mod cost;
 mod demo;
 mod inspect;
+mod join;
 mod live;
 mod load;
 mod markers;
 mod play;
 mod register;
+mod rig;
 mod rope;
 mod say;
 mod segment;
@@ -39,6 +41,8 @@ Examples:
   sinew rope take.c3d --output rope.c3d            a rope among a person's markers
   sinew solve take.c3d --output walk.bvh           markers to skeleton motion
   sinew register --mesh body.glb --markers clean.c3d --output fitted.glb
+  sinew rig scan.obj --skeleton walk.bvh --output body.glb
+  sinew join cut.obj --output body.glb             rigid parts to one skin
   sinew segment --mesh fitted.glb --markers clean.c3d --output parts.json
   sinew studio --mesh body.glb --motion walk.bvh --out capture
 
@@ -61,6 +65,8 @@ enum Command {
     Bake(bake::Bake),
     Clean(clean::Clean),
     Register(register::Register),
+    Rig(rig::Rig),
+    Join(join::Join),
     Segment(segment::Segment),
     Live(live::Live),
     Play(play::Play),
@@ -99,6 +105,8 @@ pub fn run() -> ExitCode {
         Command::Bake(command) => command.run(&say),
         Command::Clean(command) => command.run(&say),
         Command::Register(command) => command.run(&say),
+        Command::Rig(command) => command.run(&say),
+        Command::Join(command) => command.run(&say),
         Command::Segment(command) => command.run(&say),
         Command::Live(command) => command.run(&say),
         Command::Play(command) => command.run(&say),

@@ -5,19 +5,23 @@
 //! ([`retarget`](mod@retarget)), and the soles are put on the floor ([`floor`]).
 
 pub mod correspond;
+pub mod cut;
 mod error;
 pub mod feet;
 pub mod floor;
 pub mod humanoid;
+pub mod inside;
 pub mod laplace;
 pub mod live;
 mod names;
 pub mod parts;
 pub mod register;
 pub mod retarget;
+pub mod rig;
 pub mod rope;
 pub mod segment;
 pub mod solve;
+pub mod weights;
 
 pub use correspond::{Correspondence, Drive};
 pub use error::{FitError, Which};

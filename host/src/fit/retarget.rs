@@ -30,7 +30,8 @@ use super::{Correspondence, Drive, FitError, Which};
 use crate::model::{Channel, Clip, Interpolation, Motion, Skeleton, Track, Transform};
 use crate::reference::pose::sample;
 use reconcile::{reconcile, split_bones};
-use stance::{Pose, facing, heading, leg_length, sockets, swing};
+use stance::{Pose, heading, leg_length, sockets};
+pub(super) use stance::{facing, swing};
 
 mod reconcile;
 mod stance;

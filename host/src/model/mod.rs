@@ -11,6 +11,8 @@ pub mod graph;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
+pub use check_mesh::vertex_normals;
+
 pub use crate::import::{Channel, Interpolation, Notice, Transform};
 use crate::import::{ImportError, ImportErrorKind, RawAvatar, RawMesh, RawMotion};
 

@@ -10,7 +10,7 @@ pub mod cholesky;
 pub mod collapse;
 pub mod drive;
 mod error;
-mod nearest;
+pub(super) mod nearest;
 pub mod operator;
 pub mod pairs;
 pub mod picture;

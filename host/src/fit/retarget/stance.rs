@@ -49,7 +49,7 @@ pub(super) fn heading(direction: DVec3) -> f64 {
 }
 
 /// Horizontal direction in which an upright body looks.
-pub(super) fn facing(
+pub(in crate::fit) fn facing(
     human: &Humanoid,
     positions: &[DVec3],
     which: Which,
@@ -100,7 +100,7 @@ pub(super) fn leg_length(
 }
 
 /// The smallest rotation that takes one unit vector to another; as exact near zero as elsewhere.
-pub(super) fn swing(from: DVec3, to: DVec3) -> DQuat {
+pub(in crate::fit) fn swing(from: DVec3, to: DVec3) -> DQuat {
     let w = 1.0 + from.dot(to);
     if w < 1e-9 {
         return DQuat::from_rotation_arc(from.normalize(), to.normalize()); // half a turn
