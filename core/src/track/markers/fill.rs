@@ -15,6 +15,8 @@ use crate::math::{Quat4, affine, inverse_sqrt, quaternion_product};
 const WARM: usize = 2;
 const COLD: usize = 6;
 
+/// Share of the neighbours' spread that a right rotation never leaves.
+const ASTRAY: f32 = 0.1;
 /// Most by which departures move a marker, metres.
 const FARTHEST: f32 = 0.1;
 
@@ -34,6 +36,9 @@ pub(super) struct Expectation {
     pub inherited: f32,
     /// Variance because rigid neighbours are not measured, square metres.
     pub loose: f32,
+    /// How much less rigid the neighbours are than learned: their mean square departure over its
+    /// variance, at least 1.
+    pub bent: f32,
 }
 
 impl Expectation {
@@ -119,12 +124,16 @@ pub(super) fn expect(
     // Columns of the sum of weight * world * local^T, and the local scatter.
     let (mut bx, mut by, mut bz) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
     let (mut squares, mut mixed) = (Vec3::ZERO, Vec3::ZERO);
+    let (mut spread, mut known) = (0.0, 0.0);
     for (index, link) in model.links(marker) {
         let Some((position, weight, _)) = trust(index, link.weight()) else {
             continue;
         };
         let local = link.shape() - middle;
-        let world = (position - centre) * weight;
+        let arm = position - centre;
+        let world = arm * weight;
+        spread += world.dot(arm);
+        known += 1.0;
         bx += world * local.x;
         by += world * local.y;
         bz += world * local.z;
@@ -134,12 +143,27 @@ pub(super) fn expect(
     }
     let cross = Mat3::from_cols(bx, by, bz);
     let scatter = Scatter { squares, mixed };
-    let (turn, steps) = match turn {
-        Some(turn) => (turn, WARM),
-        None => (start(model, &place, marker)?, COLD),
+    let size = spread + squares.x + squares.y + squares.z;
+    // What the rotation leaves: the sum of weight * |world - turned local|^2.
+    let left = |turn: Quat4| {
+        let rotation = matrix(turn);
+        let met = rotation.x_axis.dot(bx) + rotation.y_axis.dot(by) + rotation.z_axis.dot(bz);
+        (size - 2.0 * met).max(0.0)
     };
-    let turn = refine(turn, &cross, &scatter, steps);
+    let turn = turn.map(|turn| refine(turn, &cross, &scatter, WARM));
+    let turn = match turn.filter(|turn| left(*turn) < ASTRAY * size) {
+        Some(turn) => turn,
+        // Steps stay where they are half a turn from the right place.
+        None => match start(model, &place, marker) {
+            Some(new) => {
+                let new = refine(new, &cross, &scatter, COLD);
+                turn.filter(|turn| left(*turn) <= left(new)).unwrap_or(new)
+            }
+            None => turn?,
+        },
+    };
     let rotation = matrix(turn);
+    let bent = left(turn) / (3.0 * f32::max(known - 2.0, 1.0));
     let back = rotation.transpose();
     let mut local = model.marker(marker).home;
     let mut moved = Vec3::ZERO;
@@ -167,6 +191,7 @@ pub(super) fn expect(
         local,
         share: total / full,
         inherited: inherited / full,
+        bent: bent.max(1.0),
         loose: tight.0[2] * tight.0[2] - tightest.0[2] * tightest.0[2],
     })
 }

@@ -254,6 +254,9 @@ fn first<'r, T>(
     })
 }
 
+/// Most frames between two searches for lost markers that find none.
+const REST: u8 = 7;
+
 /// One frame under way.
 struct Frame<'f, 'a> {
     model: &'f Model<'a>,
@@ -286,9 +289,7 @@ impl Frame<'_, '_> {
             self.fill_missing();
             self.associate_filled();
             self.audit();
-            let before = self.points.work;
-            self.seek(before.saturating_add(self.search), true, 0);
-            self.spend(before);
+            self.seek_in_turn();
             self.judge();
         } else if self.points.len() >= 4 {
             let before = self.points.work;
@@ -296,6 +297,34 @@ impl Frame<'_, '_> {
             self.spend(before);
         }
         self.settle();
+    }
+
+    /// Looks for lost markers; less and less often as long as nothing comes of it and nothing new
+    /// is seen or lost.
+    fn seek_in_turn(&mut self) {
+        let measured = self.measured();
+        let free = self.points.len().saturating_sub(measured);
+        let is_new =
+            free > usize::from(self.course.free) || measured < usize::from(self.course.held);
+        self.course.free = free as u16;
+        if is_new {
+            self.course.tries = 0;
+        } else if self.course.rest > 0 {
+            self.course.rest -= 1;
+            self.course.held = measured as u16;
+            return;
+        }
+        let before = self.points.work;
+        self.seek(before.saturating_add(self.search), true, 0);
+        self.spend(before);
+        let held = self.measured();
+        self.course.held = held as u16;
+        self.course.tries = if held > measured {
+            0
+        } else {
+            (self.course.tries + 1).min(REST)
+        };
+        self.course.rest = self.course.tries;
     }
 
     /// What was spent since the work stood at `before` is gone for the rest of the frame.
@@ -346,6 +375,7 @@ impl Frame<'_, '_> {
             trace.predicted = trace.position;
             trace.position = position;
             trace.sigma = 0.0;
+            trace.is_firm &= trace.is_placed && trace.gap <= self.pace.old;
             if !trace.is_placed {
                 // Never seen before: nothing is known about its motion.
                 trace.is_placed = true;

@@ -4,10 +4,15 @@
 //! each other, and by a clear margin, are made. Each find helps the next round. What stays
 //! ambiguous waits.
 
+use glam::Vec3;
+
 use super::Frame;
 use super::associate::{deviation, evidence};
+use super::pace::square;
 use super::state::{NONE, Proposal, Trace};
 
+/// How far from its fill a believed marker may be beside what the fill says itself, metres.
+const NEAR: f32 = 0.04;
 /// Rounds in a frame.
 const ROUNDS: usize = 32;
 /// Square deviation that a distance may have on average.
@@ -31,8 +36,8 @@ impl Frame<'_, '_> {
     /// reaches `budget`. `anywhere`: also groups that nothing found leads to, else until `enough`
     /// markers are found.
     pub(super) fn seek(&mut self, budget: u32, anywhere: bool, enough: usize) {
-        let lost = |trace: &Trace| self.is_lost(trace);
-        if !self.traces.iter().any(lost) || self.points.all_mut().iter().all(|p| p.owner != NONE) {
+        let open = |trace: &Trace| !trace.is_measured();
+        if !self.traces.iter().any(open) || self.points.all_mut().iter().all(|p| p.owner != NONE) {
             return;
         }
         let mut step = 0;
@@ -85,9 +90,16 @@ impl Frame<'_, '_> {
         }
         self.proposals.fill(Proposal::EMPTY);
         for marker in 0..self.traces.len() {
-            if !self.is_lost(&self.trace(marker)) {
+            let trace = self.trace(marker);
+            if trace.is_measured() {
                 continue;
             }
+            // What is filled well is not far from there.
+            let (place, near2) = if self.is_lost(&trace) {
+                (Vec3::ZERO, f32::MAX)
+            } else {
+                (trace.position, square(NEAR + 5.0 * trace.sigma))
+            };
             if self.points.work >= budget {
                 break;
             }
@@ -106,7 +118,7 @@ impl Frame<'_, '_> {
             for at in self.points.window(centre, radius) {
                 self.points.work += 1;
                 let point = self.points.at(at);
-                if point.owner != NONE {
+                if point.owner != NONE || point.position.distance_squared(place) > near2 {
                     continue;
                 }
                 let mut cost = 0.0;

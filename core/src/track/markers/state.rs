@@ -78,6 +78,9 @@ pub struct Trace {
     pub(super) streak_before: u16,
     /// Frames in a row in which its neighbours contradicted it.
     pub(super) doubt: u8,
+    /// Whether its label was confirmed and its sight has hardly been interrupted since: distances
+    /// that change now change because the pose does.
+    pub(super) is_firm: bool,
     /// Whether few distances speak for its label.
     pub(super) is_weak: bool,
     /// Whether `position` says anything.
@@ -108,6 +111,7 @@ impl Trace {
         streak: 0,
         streak_before: 0,
         doubt: 0,
+        is_firm: false,
         is_weak: false,
         is_placed: false,
         is_turned: false,
@@ -172,6 +176,12 @@ pub(super) struct Course {
     pub turn: usize,
     /// Next marker to be compared with its neighbours.
     pub next: usize,
+    /// Free points and measured markers when lost markers were last sought; searches in a row that
+    /// found none, and frames until the next.
+    pub free: u16,
+    pub held: u16,
+    pub tries: u8,
+    pub rest: u8,
 }
 
 impl Course {
@@ -183,6 +193,10 @@ impl Course {
         first: 0,
         turn: 0,
         next: 0,
+        free: 0,
+        held: 0,
+        tries: 0,
+        rest: 0,
     };
 }
 
