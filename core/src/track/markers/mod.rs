@@ -7,6 +7,7 @@
 //! | `fill` | missing markers from their neighbours' motion and their own past |
 //! | `seek` | lost markers from their distances to found ones |
 //! | `seed` | the whole set from nothing, by constellations of four |
+//! | `recall` | the whole set again after a moment out of sight |
 //! | `audit` | markers that their neighbours contradict are exchanged or dropped |
 //! | `rival` | another labelling, which takes over where it explains more |
 //!
@@ -22,10 +23,12 @@ mod gap;
 mod model;
 mod pace;
 mod points;
+mod recall;
 mod rival;
 mod seed;
 mod seek;
 mod state;
+mod turn;
 
 use core::borrow::BorrowMut;
 
@@ -254,9 +257,6 @@ fn first<'r, T>(
     })
 }
 
-/// Most frames between two searches for lost markers that find none.
-const REST: u8 = 7;
-
 /// One frame under way.
 struct Frame<'f, 'a> {
     model: &'f Model<'a>,
@@ -284,6 +284,7 @@ impl Frame<'_, '_> {
             self.course.blank = 0;
         }
         self.advance();
+        self.course.away = self.course.away.saturating_add(1);
         if self.course.is_tracking {
             self.associate_seen();
             self.fill_missing();
@@ -292,6 +293,7 @@ impl Frame<'_, '_> {
             self.seek_in_turn();
             self.judge();
         } else if self.points.len() >= 4 {
+            self.course.back = self.course.back.saturating_add(1);
             let before = self.points.work;
             self.recognise(before.saturating_add(self.search));
             self.spend(before);
@@ -299,52 +301,10 @@ impl Frame<'_, '_> {
         self.settle();
     }
 
-    /// Looks for lost markers; less and less often as long as nothing comes of it and nothing new
-    /// is seen or lost.
-    fn seek_in_turn(&mut self) {
-        let measured = self.measured();
-        let free = self.points.len().saturating_sub(measured);
-        let is_new =
-            free > usize::from(self.course.free) || measured < usize::from(self.course.held);
-        self.course.free = free as u16;
-        if is_new {
-            self.course.tries = 0;
-        } else if self.course.rest > 0 {
-            self.course.rest -= 1;
-            self.course.held = measured as u16;
-            return;
-        }
-        let before = self.points.work;
-        self.seek(before.saturating_add(self.search), true, 0);
-        self.spend(before);
-        let held = self.measured();
-        self.course.held = held as u16;
-        self.course.tries = if held > measured {
-            0
-        } else {
-            (self.course.tries + 1).min(REST)
-        };
-        self.course.rest = self.course.tries;
-    }
-
     /// What was spent since the work stood at `before` is gone for the rest of the frame.
     fn spend(&mut self, before: u32) {
         let spent = self.points.work.saturating_sub(before);
         self.search = self.search.saturating_sub(spent);
-    }
-
-    /// Every marker loses its place; what was learned about its bias stays.
-    fn forget(&mut self) {
-        self.course.is_tracking = false;
-        self.course.poor = 0;
-        for trace in self.traces.iter_mut() {
-            *trace = Trace {
-                position: trace.position,
-                bias: trace.bias,
-                gap: trace.gap,
-                ..Trace::EMPTY
-            };
-        }
     }
 
     /// Moves every marker to where its motion takes it.

@@ -13,6 +13,8 @@ use super::state::{NONE, Proposal, Trace};
 
 /// How far from its fill a believed marker may be beside what the fill says itself, metres.
 const NEAR: f32 = 0.04;
+/// Most frames between two searches for lost markers that find none.
+const REST: u8 = 7;
 /// Rounds in a frame.
 const ROUNDS: usize = 32;
 /// Square deviation that a distance may have on average.
@@ -23,6 +25,34 @@ const EVIDENCE: [f32; 3] = [20_000.0, 4000.0, 500.0];
 const CLEAR: [f32; 3] = [9.0, 9.0, 4.0];
 
 impl Frame<'_, '_> {
+    /// Looks for lost markers; less and less often as long as nothing comes of it and nothing new
+    /// is seen or lost.
+    pub(super) fn seek_in_turn(&mut self) {
+        let measured = self.measured();
+        let free = self.points.len().saturating_sub(measured);
+        let is_new =
+            free > usize::from(self.course.free) || measured < usize::from(self.course.held);
+        self.course.free = free as u16;
+        if is_new {
+            self.course.tries = 0;
+        } else if self.course.rest > 0 {
+            self.course.rest -= 1;
+            self.course.held = measured as u16;
+            return;
+        }
+        let before = self.points.work;
+        self.seek(before.saturating_add(self.search), true, 0);
+        self.spend(before);
+        let held = self.measured();
+        self.course.held = held as u16;
+        self.course.tries = if held > measured {
+            0
+        } else {
+            (self.course.tries + 1).min(REST)
+        };
+        self.course.rest = self.course.tries;
+    }
+
     /// Whether a marker may be anywhere: its fill is bad, was never confirmed, or is old.
     pub(super) fn is_lost(&self, trace: &Trace) -> bool {
         let is_believed = trace.is_placed

@@ -60,6 +60,8 @@ pub struct Trace {
     /// What is left of the error at the start of the gap, and its change a frame.
     pub(super) error: Vec3,
     pub(super) slope: Vec3,
+    /// Where it was when the set was last lost, metres.
+    pub(super) last: Vec3,
     /// From `position` to what is shown, fading after a gap, metres.
     pub(super) offset: Vec3,
     /// Standard deviation of `position` an axis, metres; 0 where measured.
@@ -83,6 +85,8 @@ pub struct Trace {
     pub(super) is_firm: bool,
     /// Whether few distances speak for its label.
     pub(super) is_weak: bool,
+    /// Whether `last` says anything.
+    pub(super) is_remembered: bool,
     /// Whether `position` says anything.
     pub(super) is_placed: bool,
     /// Whether `turn` says anything.
@@ -101,6 +105,7 @@ impl Trace {
         bias: Vec3::ZERO,
         error: Vec3::ZERO,
         slope: Vec3::ZERO,
+        last: Vec3::ZERO,
         offset: Vec3::ZERO,
         sigma: 0.0,
         surprise: 0.0,
@@ -113,6 +118,7 @@ impl Trace {
         doubt: 0,
         is_firm: false,
         is_weak: false,
+        is_remembered: false,
         is_placed: false,
         is_turned: false,
     };
@@ -182,6 +188,9 @@ pub(super) struct Course {
     pub held: u16,
     pub tries: u8,
     pub rest: u8,
+    /// Frames since the set was lost, and those of them that showed points.
+    pub away: u16,
+    pub back: u16,
 }
 
 impl Course {
@@ -197,6 +206,8 @@ impl Course {
         held: 0,
         tries: 0,
         rest: 0,
+        away: 0,
+        back: 0,
     };
 }
 
