@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::Frame;
-use super::associate::{contradiction, deviation};
+use super::associate::{contradiction, departure, deviation};
 use super::fill::{self, Expectation, expect, placed};
 use super::pace::square;
 use super::state::NONE;
@@ -29,6 +29,8 @@ const LEFT: f32 = 0.4;
 const ASKED: usize = 4;
 /// Markers farther apart do not take each other's point, metres.
 const NEAR: f32 = 0.15;
+/// How far from its fill a marker's point may be worn by another, metres.
+const WITHIN: f32 = 0.05;
 /// Within so many metres and two deviations of where it is expected a marker is not questioned.
 const CLOSE: f32 = 0.005;
 
@@ -110,7 +112,11 @@ impl Frame<'_, '_> {
     /// it.
     fn review(&mut self, marker: usize) {
         let trace = self.trace(marker);
-        if !trace.is_measured() || self.exchange(marker) {
+        if !trace.is_measured() {
+            self.evict(marker);
+            return;
+        }
+        if self.exchange(marker) {
             return;
         }
         let Some(found) = self.expectation(marker) else {
@@ -175,8 +181,38 @@ impl Frame<'_, '_> {
         true
     }
 
+    /// Gives a filled marker the point near its place that another marker wears, where the distances
+    /// to all others say so clearly: the end of a row of markers that each took the next one's.
+    fn evict(&mut self, marker: usize) {
+        let trace = self.trace(marker);
+        if !trace.is_placed || trace.sigma > self.config.limit {
+            return;
+        }
+        let mut best = (CLEARLY, None);
+        for at in self.points.window(trace.position, WITHIN) {
+            self.points.work += 1;
+            let point = self.points.at(at);
+            let owner = usize::from(point.owner);
+            if point.owner == NONE
+                || point.position.distance_squared(trace.position) > square(WITHIN)
+            {
+                continue;
+            }
+            self.points.work += 2;
+            let (then, asked) = self.against(marker, point.position, owner as u16);
+            let (now, _) = self.against(owner, point.position, NONE);
+            if asked >= ASKED && then < LEFT * now && now - then > best.0 {
+                best = (now - then, Some((at, owner)));
+            }
+        }
+        if let Some((point, owner)) = best.1 {
+            self.lose(owner);
+            self.begin(marker, point);
+        }
+    }
+
     fn against(&self, marker: usize, place: Vec3, except: u16) -> (f32, usize) {
-        contradiction(self.model, self.traces, marker, place, except)
+        departure(self.model, self.traces, marker, place, except, 0.0)
     }
 
     fn expectation(&mut self, marker: usize) -> Option<Expectation> {
@@ -204,7 +240,7 @@ impl Frame<'_, '_> {
         }
         let against = |frame: &Self, marker: usize, point: usize, except: usize| {
             let position = frame.points.at(point).position;
-            frame.against(marker, position, except as u16).0
+            contradiction(frame.model, frame.traces, marker, position, except as u16).0
         };
         let now = against(self, marker, here, other);
         let then = against(self, marker, there, other);

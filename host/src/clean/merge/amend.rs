@@ -91,3 +91,47 @@ fn without(
     let is_one = is_clear || is_ghost && pair.odds >= LEAST;
     is_one.then_some(Amendment { pair, let_go })
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::super::along::Along;
+    use super::super::fragments::Fragment;
+    use super::super::rings::{rings, touches};
+    use super::*;
+    use crate::take::Take;
+
+    #[test]
+    fn a_ghost_between_two_halves_is_let_go() {
+        // Twelve markers on a turning shell; the first is seen until frame 40 and from 60 on, and
+        // wears a ghost at 20 in its second half.
+        const FRAMES: usize = 100;
+        let place = |at: usize, frame: usize| {
+            let angle = 2.4 * at as f64;
+            let home = 0.05 * DVec3::new(angle.cos(), 0.3 * (at as f64).sin(), angle.sin());
+            DMat3::from_rotation_y(0.02 * frame as f64) * home
+        };
+        let mut positions: Vec<DVec3> = (0..12)
+            .flat_map(|at| (0..FRAMES).map(move |frame| place(at, frame)))
+            .collect();
+        positions.extend((0..FRAMES).map(|frame| place(0, frame) + DVec3::Y * 0.03));
+        let labels = (0..13).map(|at| format!("*{at}")).collect();
+        let take = Take::new(labels, 100.0, FRAMES, positions).unwrap();
+        let fragment = |column, start, end| Fragment { column, start, end };
+        let mut fragments: Vec<Fragment> = (1..12).map(|at| fragment(at, 0, FRAMES)).collect();
+        fragments.extend([
+            fragment(0, 0, 40),
+            fragment(0, 60, 100),
+            fragment(12, 20, 22),
+        ]);
+        let mut tracks = Tracks::new(&take, &fragments, &[]);
+        tracks.join(12, 13);
+        let rings = rings(&tracks, &touches(&tracks), &Along::default());
+        let found = find(&mut tracks, rings);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].let_go, [13]);
+        assert!(found[0].pair.odds > 3.0);
+        assert_eq!(tracks.members[12], [13, 12], "nothing is changed yet");
+    }
+}

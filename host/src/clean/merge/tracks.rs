@@ -193,5 +193,9 @@ mod tests {
         assert_eq!(tracks.sights(0, 39), [Some(39), None]);
         assert_eq!(tracks.spread_frames(0, 4), [0, 7, 16, 33]);
         assert_eq!(tracks.spread_frames(0, 100).len(), 28);
+        assert_eq!(tracks.shared(0, 2), [0, 1], "2 lives from 5 to 15");
+        tracks.part(1);
+        assert_eq!(tracks.shared(0, 2), [0]);
+        assert_eq!((tracks.track_of[1], tracks.frame_count(4)), (4, 8));
     }
 }
