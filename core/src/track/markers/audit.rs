@@ -24,7 +24,7 @@ const SHARE: f32 = 0.5;
 const MISPLACED: f32 = 0.015;
 /// How much more an exchange of two points must explain, in square deviations; the share of what
 /// spoke against the labels that may still do, and distances that must be asked.
-const CLEARLY: f32 = 16.0;
+const CLEARLY: f32 = 10.0;
 const LEFT: f32 = 0.4;
 const ASKED: usize = 4;
 /// Markers farther apart do not take each other's point, metres.

@@ -178,8 +178,8 @@ mod tests {
         gains[10..20].fill(4.0);
         gains[30..32].fill(4.0);
         assert_eq!(exchanged(&gains), [10..20], "two frames do not pay");
-        gains[25..].fill(2.0);
-        assert_eq!(exchanged(&gains), [10..20, 25..40]);
+        gains[28..].fill(4.0);
+        assert_eq!(exchanged(&gains), [10..20, 28..40]);
         assert_eq!(exchanged(&[]), []);
     }
 }
