@@ -5,6 +5,7 @@
 //!
 //! Without a name: the real takes of `../shared/data`, and studio captures of 41 to 350 markers.
 
+use sinew_host::clean::exchange;
 use sinew_host::fit::live::{LearnOptions, learn};
 use sinew_host::import::take::{LengthUnit, TakeOptions, read_take};
 use sinew_host::studio::MarkerLayout;
@@ -48,7 +49,9 @@ fn main() {
             ..TakeOptions::default()
         };
         let raw = read_take(&path, &options).unwrap();
-        let take = Take::from_raw(&raw).unwrap().0;
+        let mut take = Take::from_raw(&raw).unwrap().0;
+        // What the recording itself names wrongly is no truth.
+        exchange::find(&take, &|_| ()).undo(&mut take);
         let half = take.frame_count() / 2;
         let (first, second) = (cut(&take, 0, half), cut(&take, half, take.frame_count()));
         row(

@@ -3,12 +3,14 @@
 //!
 //! `tests/examples/judge_clean` prints whole tables; here are a few stretches of each.
 
+use sinew_host::clean::exchange;
 use sinew_host::clean::fill::{FillOptions, fill};
 use sinew_host::clean::merge::{MergeOptions, merge};
 use sinew_host::studio::judge::Key;
 use sinew_host::studio::{Direction, MarkerLayout, MarkerSet, Shot};
 use sinew_tests::filming::{clip_at, film, human};
 use sinew_tests::hidden::{METHODS, judge, stretches, take};
+use sinew_tests::live::cut;
 use sinew_tests::root;
 
 /// Fills a few hidden stretches: the default must beat splines and lines at 30 frames and above.
@@ -33,6 +35,30 @@ fn the_default_beats_interpolation() {
             assert!(default < 0.012, "{file}, {length} frames: {default} m");
         }
     }
+}
+
+/// Two markers of a recording exchange their names behind a gap: found, and nothing else.
+#[test]
+fn exchanged_names_of_a_recording_are_found() {
+    let Some(take) = take("c3d/cmu_02_05.c3d") else {
+        return;
+    };
+    let truth = cut(&take, 0, 500);
+    let mut broken = truth.clone();
+    let (a, b) = (4, 23);
+    for frame in 150..330 {
+        let hidden = frame < 160;
+        let seen = |marker| truth.position(marker, frame).filter(|_| !hidden);
+        broken.set_position(a, frame, seen(b));
+        broken.set_position(b, frame, seen(a));
+    }
+    let found = exchange::find(&broken, &|_| ());
+    assert_eq!(found.exchanges.len(), 1, "{found:?}");
+    let one = &found.exchanges[0];
+    assert_eq!(one.columns, [a, b]);
+    assert!(one.frames.start <= 160 && one.frames.end == 330, "{one:?}");
+    assert!(one.after < 0.25 * one.before);
+    assert!(exchange::find(&truth, &|_| ()).is_empty());
 }
 
 /// A second and a half of walking with exchanged trajectories: labels, markers, ghosts and swaps as

@@ -5,6 +5,7 @@
 //!
 //! | stage | does |
 //! | --- | --- |
+//! | [`exchange`] | named trajectories that carry each other's marker are found |
 //! | [`surface`] | which markers are neighbours along the body |
 //! | [`merge`] | unnamed partial trajectories become markers |
 //! | [`despike`] | one or two samples that jump away are taken out |
@@ -12,6 +13,7 @@
 //! | [`smooth`] | noise is filtered out in the local frame |
 
 mod despike;
+pub mod exchange;
 pub mod fill;
 pub(crate) mod linear;
 pub mod merge;

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use super::load::{Loaded, Reading, fault};
 use super::say::{Say, notices_json};
 use super::{Failure, load};
+use crate::clean::exchange::{self, Misnamed};
 use crate::clean::fill::{FillMethod, FillOptions, Filled, fill};
 use crate::clean::merge::{MergeOptions, Merged, merge};
 use crate::clean::smooth::{SmoothOptions, pass_count, smooth};
@@ -57,6 +58,9 @@ pub(crate) struct Clean {
     /// Leave spikes where they are.
     #[arg(long)]
     keep_spikes: bool,
+    /// Say which names are exchanged or stray, but leave them as they are.
+    #[arg(long)]
+    keep_names: bool,
     /// The frame (0 is the first) in which the body stands in its reference pose; by default the one
     /// that shows most.
     #[arg(long, value_name = "FRAME")]
@@ -99,6 +103,8 @@ impl Method {
 /// What one run did.
 struct Outcome {
     before: Take,
+    misnamed: Misnamed,
+    names_kept: bool,
     merged: Merged,
     filled: Filled,
     spikes: Vec<Spike>,
@@ -195,6 +201,15 @@ impl Clean {
 
     fn clean(&self, before: Take, say: &Say) -> Result<Outcome, Failure> {
         let start = Instant::now();
+        let bar = say.progress("names", 1000);
+        let misnamed = exchange::find(&before, &|share| {
+            bar.set_position((1000.0 * share) as u64);
+        });
+        bar.finish_and_clear();
+        let mut named = before.clone();
+        if !self.keep_names {
+            misnamed.undo(&mut named);
+        }
         let mesh = self.body()?;
         let body = mesh.as_ref().map(|mesh| BodyMesh {
             positions: &mesh.positions,
@@ -206,7 +221,7 @@ impl Clean {
             ..MergeOptions::default()
         };
         let bar = say.progress("merge", 1000);
-        let merged = merge(&before, &options, &|share| {
+        let merged = merge(&named, &options, &|share| {
             bar.set_position((1000.0 * share) as u64);
         });
         bar.finish_and_clear();
@@ -231,6 +246,8 @@ impl Clean {
         bar.finish_and_clear();
         Ok(Outcome {
             before,
+            misnamed,
+            names_kept: self.keep_names,
             merged,
             filled,
             spikes,

@@ -9,6 +9,7 @@ use sinew_core::track::markers::{Config, FrameReport, Source};
 use super::load::{Reading, fault};
 use super::say::{Say, notices_json};
 use super::{Failure, load};
+use crate::clean::exchange;
 use crate::export::c3d::write_c3d;
 use crate::export::{ExportErrorKind, write_atomic};
 use crate::fit::live::{LearnOptions, MarkerModel, learn};
@@ -58,8 +59,20 @@ pub(crate) fn learn_from(
 ) -> Result<MarkerModel, Failure> {
     let mut takes = Vec::with_capacity(paths.len());
     for path in paths {
-        let (take, notices) = load::take(path, reading)?;
-        say.notices(&path.display().to_string(), &notices);
+        let (mut take, notices) = load::take(path, reading)?;
+        let name = path.display().to_string();
+        say.notices(&name, &notices);
+        // A wrong name would be learned.
+        let misnamed = exchange::find(&take, &|_| ());
+        misnamed.undo(&mut take);
+        for one in &misnamed.exchanges {
+            let [a, b] = one.columns.map(|column| &take.labels()[column]);
+            let (first, last) = (one.frames.start, one.frames.end - 1);
+            say.line(format!(
+                "note: {name}: {a} and {b} carry each other's marker in frames {first} to {last}: put \
+                 right before learning"
+            ));
+        }
         takes.push(take);
     }
     let markers = takes.iter().map(|take| take.marker_count()).max();

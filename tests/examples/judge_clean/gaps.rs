@@ -5,7 +5,7 @@ use sinew_tests::hidden::{Errors, METHODS, judge, mean, quantile, stretches, tak
 use crate::Options;
 
 /// The recordings that the bars are stated for.
-const FILES: [&str; 4] = [
+pub(crate) const FILES: [&str; 4] = [
     "c3d/freeform_53mk_gappy.c3d",
     "c3d/cmu_02_05.c3d",
     "c3d/vicon_walking2.c3d",
@@ -13,7 +13,7 @@ const FILES: [&str; 4] = [
 ];
 
 /// Recordings on which nothing was chosen.
-const OTHERS: [&str; 6] = [
+pub(crate) const OTHERS: [&str; 6] = [
     "c3d_testsuite/optitrack_mocap36_missing_desc_byte.c3d",
     "c3d/optitrack_wheelchair_sprint_gappy.c3d",
     "c3d/motionanalysis_gait_dec_int.c3d",

@@ -57,6 +57,5 @@ fn there_and_back(take: &Take) -> Take {
             (0..frames).map(move |frame| path[source(frame)])
         })
         .collect();
-    take.with_trajectories(take.labels().to_vec(), positions)
-        .expect("a take")
+    Take::new(take.labels().to_vec(), take.rate(), frames, positions).expect("a take")
 }

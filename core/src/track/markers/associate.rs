@@ -163,6 +163,18 @@ pub(super) fn contradiction(
     position: Vec3,
     except: u16,
 ) -> (f32, usize) {
+    departure(model, traces, marker, position, except, 4.0)
+}
+
+/// [`contradiction`], with what is `usual` of a square deviation instead of 4.
+pub(super) fn departure(
+    model: &Model<'_>,
+    traces: &[Trace],
+    marker: usize,
+    position: Vec3,
+    except: u16,
+    usual: f32,
+) -> (f32, usize) {
     let (mut sum, mut count) = (0.0, 0);
     for (index, link) in model.links(marker) {
         let Some(trace) = traces.get(index) else {
@@ -170,7 +182,7 @@ pub(super) fn contradiction(
         };
         // Neighbours of this frame where there are any, else where they were a frame ago.
         if trace.is_measured() && index != usize::from(except) {
-            sum += (deviation(&link, position, trace.position) - 4.0).max(0.0);
+            sum += (deviation(&link, position, trace.position) - usual).max(0.0);
             count += 1;
         }
     }

@@ -1,7 +1,9 @@
 //! Markers that their neighbours contradict change places or lose their point.
 
+use glam::Vec3;
+
 use super::Frame;
-use super::associate::{contradiction, deviation};
+use super::associate::{contradiction, departure, deviation};
 use super::fill::{self, Expectation, expect, placed};
 use super::pace::square;
 use super::state::NONE;
@@ -20,6 +22,15 @@ const PATIENCE: u8 = 3;
 const SHARE: f32 = 0.5;
 /// Metres by which a marker may sit elsewhere than learned.
 const MISPLACED: f32 = 0.015;
+/// How much more an exchange of two points must explain, in square deviations; the share of what
+/// spoke against the labels that may still do, and distances that must be asked.
+const CLEARLY: f32 = 10.0;
+const LEFT: f32 = 0.4;
+const ASKED: usize = 4;
+/// Markers farther apart do not take each other's point, metres.
+const NEAR: f32 = 0.15;
+/// How far from its fill a marker's point may be worn by another, metres.
+const WITHIN: f32 = 0.05;
 /// Within so many metres and two deviations of where it is expected a marker is not questioned.
 const CLOSE: f32 = 0.005;
 
@@ -60,7 +71,7 @@ impl Frame<'_, '_> {
     /// Share of a measured marker's distances that are wrong; 0 where they are few.
     fn wrong_share(&mut self, marker: usize) -> f32 {
         let trace = self.trace(marker);
-        if !trace.is_measured() {
+        if !trace.is_measured() || trace.is_firm {
             return 0.0;
         }
         self.points.work += 1;
@@ -78,6 +89,7 @@ impl Frame<'_, '_> {
         }
         if let Some(trace) = self.traces.get_mut(marker) {
             trace.is_weak = firm < FIRM;
+            trace.is_firm = wrong == 0.0 && trace.doubt == 0 && trace.streak > self.pace.old;
         }
         if wrong >= 2.0 && 3.0 * wrong > count {
             wrong / count
@@ -101,6 +113,10 @@ impl Frame<'_, '_> {
     fn review(&mut self, marker: usize) {
         let trace = self.trace(marker);
         if !trace.is_measured() {
+            self.evict(marker);
+            return;
+        }
+        if self.exchange(marker) {
             return;
         }
         let Some(found) = self.expectation(marker) else {
@@ -122,6 +138,81 @@ impl Frame<'_, '_> {
                 }
             }
         }
+    }
+
+    /// Gives two neighbours each other's point where the distances to all others say so clearly;
+    /// whether it did.
+    fn exchange(&mut self, marker: usize) -> bool {
+        let own = self.trace(marker);
+        let links = self.model.links(marker);
+        let (against, _) = self.against(marker, own.position, NONE);
+        self.points.work += 1;
+        if against < CLEARLY {
+            return false;
+        }
+        let mut best = (0.0, None);
+        for (other, link) in links {
+            let theirs = self.trace(other);
+            if !theirs.is_measured() || link.distance() > NEAR {
+                continue;
+            }
+            self.points.work += 4;
+            let sum = |a: Vec3, b: Vec3| {
+                let (first, asked) = self.against(marker, a, other as u16);
+                let (second, more) = self.against(other, b, marker as u16);
+                (first + second, asked + more)
+            };
+            let (now, _) = sum(own.position, theirs.position);
+            let (then, asked) = sum(theirs.position, own.position);
+            let gain = now - then - CLEARLY;
+            if asked >= ASKED && then < LEFT * now && gain > best.0 {
+                best = (gain, Some(other));
+            }
+        }
+        let Some(other) = best.1 else {
+            return false;
+        };
+        let (here, there) = (usize::from(own.point), usize::from(self.trace(other).point));
+        self.drop_point(marker);
+        self.drop_point(other);
+        self.begin(marker, there);
+        self.begin(other, here);
+        self.corrected += 2;
+        true
+    }
+
+    /// Gives a filled marker the point near its place that another marker wears, where the distances
+    /// to all others say so clearly: the end of a row of markers that each took the next one's.
+    fn evict(&mut self, marker: usize) {
+        let trace = self.trace(marker);
+        if !trace.is_placed || trace.sigma > self.config.limit {
+            return;
+        }
+        let mut best = (CLEARLY, None);
+        for at in self.points.window(trace.position, WITHIN) {
+            self.points.work += 1;
+            let point = self.points.at(at);
+            let owner = usize::from(point.owner);
+            if point.owner == NONE
+                || point.position.distance_squared(trace.position) > square(WITHIN)
+            {
+                continue;
+            }
+            self.points.work += 2;
+            let (then, asked) = self.against(marker, point.position, owner as u16);
+            let (now, _) = self.against(owner, point.position, NONE);
+            if asked >= ASKED && then < LEFT * now && now - then > best.0 {
+                best = (now - then, Some((at, owner)));
+            }
+        }
+        if let Some((point, owner)) = best.1 {
+            self.lose(owner);
+            self.begin(marker, point);
+        }
+    }
+
+    fn against(&self, marker: usize, place: Vec3, except: u16) -> (f32, usize) {
+        departure(self.model, self.traces, marker, place, except, 0.0)
     }
 
     fn expectation(&mut self, marker: usize) -> Option<Expectation> {

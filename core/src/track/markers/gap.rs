@@ -8,6 +8,11 @@ use super::{Frame, NONE};
 /// Weight of a fill's own variance where few neighbours stand behind it: at most 1 over this.
 const LEAST_SHARE: f32 = 0.02;
 
+/// Most by which neighbours that bend widen what a fill says of itself.
+const BENT: f32 = 9.0;
+/// How fast a fill may go astray while its neighbours are filled too, metres a second.
+const ASTRAY: f32 = 0.2;
+
 impl Frame<'_, '_> {
     /// Fills every placed marker without a point; those with most measured neighbours first, so
     /// that the others can rest on them.
@@ -63,8 +68,14 @@ impl Frame<'_, '_> {
         } else {
             0.0
         };
-        let spread = square(own.sigma) / found.share.max(LEAST_SHARE) + loose;
-        let floor = found.inherited + square(self.config.noise);
+        let spread =
+            square(own.sigma) * found.bent.min(BENT) / found.share.max(LEAST_SHARE) + loose;
+        let astray = if well {
+            0.0
+        } else {
+            ASTRAY * self.pace.step * f32::from(trace.gap)
+        };
+        let floor = found.inherited + square(self.config.noise) + square(astray);
         let Some(trace) = self.traces.get_mut(marker) else {
             return;
         };

@@ -7,6 +7,7 @@
 //! | `fill` | missing markers from their neighbours' motion and their own past |
 //! | `seek` | lost markers from their distances to found ones |
 //! | `seed` | the whole set from nothing, by constellations of four |
+//! | `recall` | the whole set again after a moment out of sight |
 //! | `audit` | markers that their neighbours contradict are exchanged or dropped |
 //! | `rival` | another labelling, which takes over where it explains more |
 //!
@@ -22,10 +23,12 @@ mod gap;
 mod model;
 mod pace;
 mod points;
+mod recall;
 mod rival;
 mod seed;
 mod seek;
 mod state;
+mod turn;
 
 use core::borrow::BorrowMut;
 
@@ -281,16 +284,16 @@ impl Frame<'_, '_> {
             self.course.blank = 0;
         }
         self.advance();
+        self.course.away = self.course.away.saturating_add(1);
         if self.course.is_tracking {
             self.associate_seen();
             self.fill_missing();
             self.associate_filled();
             self.audit();
-            let before = self.points.work;
-            self.seek(before.saturating_add(self.search), true, 0);
-            self.spend(before);
+            self.seek_in_turn();
             self.judge();
         } else if self.points.len() >= 4 {
+            self.course.back = self.course.back.saturating_add(1);
             let before = self.points.work;
             self.recognise(before.saturating_add(self.search));
             self.spend(before);
@@ -302,20 +305,6 @@ impl Frame<'_, '_> {
     fn spend(&mut self, before: u32) {
         let spent = self.points.work.saturating_sub(before);
         self.search = self.search.saturating_sub(spent);
-    }
-
-    /// Every marker loses its place; what was learned about its bias stays.
-    fn forget(&mut self) {
-        self.course.is_tracking = false;
-        self.course.poor = 0;
-        for trace in self.traces.iter_mut() {
-            *trace = Trace {
-                position: trace.position,
-                bias: trace.bias,
-                gap: trace.gap,
-                ..Trace::EMPTY
-            };
-        }
     }
 
     /// Moves every marker to where its motion takes it.
@@ -346,6 +335,7 @@ impl Frame<'_, '_> {
             trace.predicted = trace.position;
             trace.position = position;
             trace.sigma = 0.0;
+            trace.is_firm &= trace.is_placed && trace.gap <= self.pace.old;
             if !trace.is_placed {
                 // Never seen before: nothing is known about its motion.
                 trace.is_placed = true;

@@ -9,6 +9,7 @@ use super::Frame;
 use super::associate::contradiction;
 use super::fill::{self, expect, placed};
 use super::pace::square;
+use super::recall::Recall;
 use super::state::NONE;
 
 /// Markers that make a find believable, where there are so many points.
@@ -289,6 +290,17 @@ impl Frame<'_, '_> {
         for (&marker, point) in seed.markers.iter().zip(points) {
             self.begin(marker, point);
         }
+        match self.recall() {
+            Recall::Found => {
+                self.seek(budget, true, 0);
+                return true;
+            }
+            Recall::Contradicted => {
+                self.clear();
+                return false;
+            }
+            Recall::Unknown => {}
+        }
         // Only what the four lead to: a group turned over leads nowhere.
         let possible = self.points.len().min(self.traces.len());
         let enough = (possible / 2).clamp(4, ENOUGH);
@@ -300,6 +312,12 @@ impl Frame<'_, '_> {
                 return true;
             }
         }
+        self.clear();
+        false
+    }
+
+    /// Takes all labels of the frame back.
+    fn clear(&mut self) {
         for point in self.points.all_mut() {
             point.owner = NONE;
         }
@@ -307,7 +325,6 @@ impl Frame<'_, '_> {
             trace.point = NONE;
             trace.is_placed = false;
         }
-        false
     }
 
     /// Whether three quarters of some markers are about where their fill expects them.

@@ -4,10 +4,17 @@
 //! each other, and by a clear margin, are made. Each find helps the next round. What stays
 //! ambiguous waits.
 
+use glam::Vec3;
+
 use super::Frame;
 use super::associate::{deviation, evidence};
+use super::pace::square;
 use super::state::{NONE, Proposal, Trace};
 
+/// How far from its fill a believed marker may be beside what the fill says itself, metres.
+const NEAR: f32 = 0.04;
+/// Most frames between two searches for lost markers that find none.
+const REST: u8 = 7;
 /// Rounds in a frame.
 const ROUNDS: usize = 32;
 /// Square deviation that a distance may have on average.
@@ -18,6 +25,34 @@ const EVIDENCE: [f32; 3] = [20_000.0, 4000.0, 500.0];
 const CLEAR: [f32; 3] = [9.0, 9.0, 4.0];
 
 impl Frame<'_, '_> {
+    /// Looks for lost markers; less and less often as long as nothing comes of it and nothing new
+    /// is seen or lost.
+    pub(super) fn seek_in_turn(&mut self) {
+        let measured = self.measured();
+        let free = self.points.len().saturating_sub(measured);
+        let is_new =
+            free > usize::from(self.course.free) || measured < usize::from(self.course.held);
+        self.course.free = free as u16;
+        if is_new {
+            self.course.tries = 0;
+        } else if self.course.rest > 0 {
+            self.course.rest -= 1;
+            self.course.held = measured as u16;
+            return;
+        }
+        let before = self.points.work;
+        self.seek(before.saturating_add(self.search), true, 0);
+        self.spend(before);
+        let held = self.measured();
+        self.course.held = held as u16;
+        self.course.tries = if held > measured {
+            0
+        } else {
+            (self.course.tries + 1).min(REST)
+        };
+        self.course.rest = self.course.tries;
+    }
+
     /// Whether a marker may be anywhere: its fill is bad, was never confirmed, or is old.
     pub(super) fn is_lost(&self, trace: &Trace) -> bool {
         let is_believed = trace.is_placed
@@ -31,8 +66,8 @@ impl Frame<'_, '_> {
     /// reaches `budget`. `anywhere`: also groups that nothing found leads to, else until `enough`
     /// markers are found.
     pub(super) fn seek(&mut self, budget: u32, anywhere: bool, enough: usize) {
-        let lost = |trace: &Trace| self.is_lost(trace);
-        if !self.traces.iter().any(lost) || self.points.all_mut().iter().all(|p| p.owner != NONE) {
+        let open = |trace: &Trace| !trace.is_measured();
+        if !self.traces.iter().any(open) || self.points.all_mut().iter().all(|p| p.owner != NONE) {
             return;
         }
         let mut step = 0;
@@ -85,9 +120,16 @@ impl Frame<'_, '_> {
         }
         self.proposals.fill(Proposal::EMPTY);
         for marker in 0..self.traces.len() {
-            if !self.is_lost(&self.trace(marker)) {
+            let trace = self.trace(marker);
+            if trace.is_measured() {
                 continue;
             }
+            // What is filled well is not far from there.
+            let (place, near2) = if self.is_lost(&trace) {
+                (Vec3::ZERO, f32::MAX)
+            } else {
+                (trace.position, square(NEAR + 5.0 * trace.sigma))
+            };
             if self.points.work >= budget {
                 break;
             }
@@ -106,7 +148,7 @@ impl Frame<'_, '_> {
             for at in self.points.window(centre, radius) {
                 self.points.work += 1;
                 let point = self.points.at(at);
-                if point.owner != NONE {
+                if point.owner != NONE || point.position.distance_squared(place) > near2 {
                     continue;
                 }
                 let mut cost = 0.0;

@@ -60,6 +60,8 @@ pub struct Trace {
     /// What is left of the error at the start of the gap, and its change a frame.
     pub(super) error: Vec3,
     pub(super) slope: Vec3,
+    /// Where it was when the set was last lost, metres.
+    pub(super) last: Vec3,
     /// From `position` to what is shown, fading after a gap, metres.
     pub(super) offset: Vec3,
     /// Standard deviation of `position` an axis, metres; 0 where measured.
@@ -78,8 +80,13 @@ pub struct Trace {
     pub(super) streak_before: u16,
     /// Frames in a row in which its neighbours contradicted it.
     pub(super) doubt: u8,
+    /// Whether its label was confirmed and its sight has hardly been interrupted since: distances
+    /// that change now change because the pose does.
+    pub(super) is_firm: bool,
     /// Whether few distances speak for its label.
     pub(super) is_weak: bool,
+    /// Whether `last` says anything.
+    pub(super) is_remembered: bool,
     /// Whether `position` says anything.
     pub(super) is_placed: bool,
     /// Whether `turn` says anything.
@@ -98,6 +105,7 @@ impl Trace {
         bias: Vec3::ZERO,
         error: Vec3::ZERO,
         slope: Vec3::ZERO,
+        last: Vec3::ZERO,
         offset: Vec3::ZERO,
         sigma: 0.0,
         surprise: 0.0,
@@ -108,7 +116,9 @@ impl Trace {
         streak: 0,
         streak_before: 0,
         doubt: 0,
+        is_firm: false,
         is_weak: false,
+        is_remembered: false,
         is_placed: false,
         is_turned: false,
     };
@@ -172,6 +182,15 @@ pub(super) struct Course {
     pub turn: usize,
     /// Next marker to be compared with its neighbours.
     pub next: usize,
+    /// Free points and measured markers when lost markers were last sought; searches in a row that
+    /// found none, and frames until the next.
+    pub free: u16,
+    pub held: u16,
+    pub tries: u8,
+    pub rest: u8,
+    /// Frames since the set was lost, and those of them that showed points.
+    pub away: u16,
+    pub back: u16,
 }
 
 impl Course {
@@ -183,6 +202,12 @@ impl Course {
         first: 0,
         turn: 0,
         next: 0,
+        free: 0,
+        held: 0,
+        tries: 0,
+        rest: 0,
+        away: 0,
+        back: 0,
     };
 }
 

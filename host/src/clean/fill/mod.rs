@@ -2,7 +2,8 @@
 //!
 //! Enters: a [`Take`] with gaps. Leaves: the take without them, and the standard deviation of each
 //! filled sample. The default learns a local regression (`regression`) and weighs it against
-//! inertia (`smoother`) by how both err; the published principal components and plain
+//! inertia (`smoother`) by how both err; how far its deviations can be trusted is measured
+//! (`trust`); the published principal components and plain
 //! interpolation stand beside it for comparison. Park & Hodgins 2006, section 4.3.
 
 use std::ops::Range;
@@ -17,6 +18,7 @@ mod pca;
 mod plan;
 pub(crate) mod regression;
 mod smoother;
+mod trust;
 mod view;
 mod window;
 

@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::super::neighbours::{Neighbour, rank};
 use super::drift::Drift;
 use super::regression::Model;
+use super::trust::Trust;
 use super::view::View;
 use super::window::{Sources, clusters, solve};
 use super::{Cluster, Filled};
@@ -37,10 +38,16 @@ pub(super) fn run(
     progress: &(dyn Fn() + Sync),
 ) {
     let mut open: Vec<usize> = markers.to_vec();
+    open.retain(|&marker| filled.take.missing_count(marker) > 0);
+    for _ in open.len()..markers.len() {
+        progress();
+    }
+    let trust = Trust::learn(&filled.view(), &open);
     for round in 0..ROUNDS {
         let last = round + 1 == ROUNDS;
         let found = in_parallel(&open, |marker| {
-            let samples = fill_marker(&filled.view(), marker, round > 0);
+            let mut samples = fill_marker(&filled.view(), marker, round > 0);
+            trusted(&mut samples, trust);
             let settled = samples.iter().all(|sample| sample.3);
             if settled || last {
                 progress();
@@ -91,7 +98,17 @@ pub(crate) fn in_parallel<T: Send>(items: &[usize], work: impl Fn(usize) -> T + 
     all.into_iter().map(|(_, value)| value).collect()
 }
 
-fn fill_marker(view: &View<'_>, marker: usize, estimates: bool) -> Vec<Sample> {
+/// Widens the deviations of samples, which ascend, by what those of their gap are short of.
+fn trusted(samples: &mut [Sample], trust: Trust) {
+    for gap in samples.chunk_by_mut(|a, b| a.0 + 1 == b.0) {
+        let factor = trust.factor(gap.len());
+        for sample in gap {
+            sample.2 *= factor;
+        }
+    }
+}
+
+pub(super) fn fill_marker(view: &View<'_>, marker: usize, estimates: bool) -> Vec<Sample> {
     let mut ranked = rank(view, marker);
     ranked.truncate(CANDIDATES);
     let mut bench = Bench {

@@ -13,9 +13,15 @@ pub(super) struct Level {
     pub margin: f64,
     /// Factor on the thresholds for distances.
     pub factor: f64,
-    /// Whether only tracks that are certainly markers are merged: that a marker is seen for long in
-    /// one part of a take alone is unlikely to begin with.
+    /// Whether only tracks that are certainly markers are merged.
     pub long: bool,
+}
+
+impl Level {
+    /// The same for tracks that are certainly markers alone.
+    pub const fn of_long(self) -> Self {
+        Self { long: true, ..self }
+    }
 }
 
 /// Pairs that are tried together exhaustively, at most.

@@ -94,7 +94,7 @@ pub(super) fn all(tracks: &Tracks<'_>, rings: &[Ring]) -> Vec<(usize, usize)> {
 }
 
 /// Whether a fragment begins near neighbours of a ring.
-fn is_near(tracks: &Tracks<'_>, ring: &Ring, fragment: usize) -> bool {
+pub(super) fn is_near(tracks: &Tracks<'_>, ring: &Ring, fragment: usize) -> bool {
     let frame = tracks.fragments[fragment].start;
     let here = tracks.sample(fragment, frame);
     let reach = GATE * ring.spacing;

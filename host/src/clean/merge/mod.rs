@@ -12,6 +12,7 @@
 //! | `links` | how likely two tracks are one, against chance |
 //! | `choose` | the likely merges that exclude each other |
 //! | `rounds` | the surest first, short gaps before long ones: each merge helps the next |
+//! | `amend` | halves of one marker that a wrong fragment keeps apart |
 //!
 //! No marker needs to be seen in any one frame: tracks grow from all fragments alike.
 
@@ -22,6 +23,7 @@ use crate::import::take::PointKind;
 use crate::take::{Take, TakeError};
 
 mod along;
+mod amend;
 mod carry;
 mod choose;
 mod fragments;

@@ -2,6 +2,7 @@
 
 use super::super::fill::in_parallel;
 use super::along::Along;
+use super::amend::{self, Amendment};
 use super::carry::carry;
 use super::choose::{Level, choose};
 use super::links::{Pair, all, compare, within};
@@ -19,13 +20,15 @@ const LEVELS: [Level; 3] = [
     level(2.5, 3.0, 1.0),
     level(1.0, 1.5, 1.0),
 ];
-const LAST: [Level; 2] = [
+const LAST: [Level; 4] = [
     level(0.0, 0.0, 1.0),
-    Level {
-        long: true,
-        ..level(-3.0, 1.0, 1.5)
-    },
+    // What is seen for long in one part of a take alone is unlikely to be another marker: the odds
+    // may be lower, or one frame worse, where nothing else comes near.
+    level(1.5, 2.5, 2.5).of_long(),
+    level(-3.0, 1.0, 1.5).of_long(),
+    FARTHEST,
 ];
+const FARTHEST: Level = level(-8.0, 2.0, 0.9).of_long();
 
 const fn level(odds: f64, margin: f64, factor: f64) -> Level {
     Level {
@@ -38,6 +41,9 @@ const fn level(odds: f64, margin: f64, factor: f64) -> Level {
 
 /// Odds, and difference to a rival's, below which a merge is doubtful.
 pub(super) const DOUBTFUL: [f64; 2] = [2.0, 1.5];
+
+/// Times that what keeps halves apart is looked for.
+const AMENDED: usize = 3;
 
 /// Deviations within which a marker follows its neighbours.
 const WITH_SKIN: f64 = 2.0;
@@ -77,7 +83,14 @@ pub(super) fn run(
     }
     while work.round(None, &LEVELS) > 0 {}
     progress(1.0 - 1.0 / steps);
-    while work.round(None, &[LEVELS.as_slice(), &LAST].concat()) > 0 {}
+    let levels = [LEVELS.as_slice(), &LAST].concat();
+    while work.round(None, &levels) > 0 {}
+    for _ in 0..AMENDED {
+        if work.amend() == 0 {
+            break;
+        }
+        while work.round(None, &levels) > 0 {}
+    }
     progress(1.0);
     work.joined
 }
@@ -105,7 +118,7 @@ impl Work<'_, '_> {
         });
         let pairs: Vec<Pair> = pairs.into_iter().flatten().collect();
         for level in levels {
-            let fits = |pair: &&Pair| !level.long || self.is_long(pair.guest);
+            let fits = |pair: &&Pair| !level.long || self.are_long(pair);
             let pairs: Vec<Pair> = pairs.iter().filter(fits).copied().collect();
             let chosen = choose(
                 self.tracks,
@@ -121,8 +134,38 @@ impl Work<'_, '_> {
         0
     }
 
+    /// Joins halves of one marker after what keeps them apart is let go; how many.
+    fn amend(&mut self) -> usize {
+        let rings = rings(self.tracks, self.touches, self.along);
+        let mut used = vec![false; self.tracks.members.len()];
+        let mut count = 0;
+        for Amendment { pair, let_go } in amend::find(self.tracks, rings) {
+            let (host, guest) = (pair.host, pair.guest);
+            let level = if pair.odds >= LEVELS[1].odds {
+                LEVELS[1]
+            } else {
+                FARTHEST
+            };
+            let fits = !level.long || self.are_long(&pair);
+            if used[host] || used[guest] || !fits || !self.allows(&pair, level) {
+                continue;
+            }
+            (used[host], used[guest]) = (true, true);
+            for &fragment in &let_go {
+                self.tracks.part(fragment);
+            }
+            self.joined.retain(|one| !let_go.contains(&one.fragment));
+            count += self.join(&[(pair, f64::NEG_INFINITY)]);
+        }
+        count
+    }
+
     fn is_long(&self, track: usize) -> bool {
         self.tracks.frame_count(track) as f64 >= OWN_LIFE * self.tracks.take().rate()
+    }
+
+    fn are_long(&self, pair: &Pair) -> bool {
+        self.is_long(pair.host) && self.is_long(pair.guest)
     }
 
     fn allows(&self, pair: &Pair, level: Level) -> bool {

@@ -107,6 +107,25 @@ impl<'a> Tracks<'a> {
         })
     }
 
+    /// Fragments of a track that are seen together with one of another's.
+    pub fn shared(&self, track: usize, other: usize) -> Vec<usize> {
+        let meets = |&&at: &&usize| {
+            let Fragment { start, end, .. } = self.fragments[at];
+            let last = self.last_begun(other, end - 1);
+            last.is_some_and(|other| self.fragments[other].end > start)
+        };
+        self.members[track].iter().filter(meets).copied().collect()
+    }
+
+    /// Makes a fragment a track of its own.
+    pub fn part(&mut self, fragment: usize) {
+        let track = self.track_of[fragment];
+        self.members[track].retain(|&at| at != fragment);
+        self.track_of[fragment] = self.members.len();
+        self.members.push(vec![fragment]);
+        self.named.push(None);
+    }
+
     /// Makes two disjoint tracks one; returns which. A named one stays.
     pub fn join(&mut self, a: usize, b: usize) -> usize {
         let (kept, gone) = if self.named[b].is_some() || self.named[a].is_none() && b < a {
@@ -174,5 +193,9 @@ mod tests {
         assert_eq!(tracks.sights(0, 39), [Some(39), None]);
         assert_eq!(tracks.spread_frames(0, 4), [0, 7, 16, 33]);
         assert_eq!(tracks.spread_frames(0, 100).len(), 28);
+        assert_eq!(tracks.shared(0, 2), [0, 1], "2 lives from 5 to 15");
+        tracks.part(1);
+        assert_eq!(tracks.shared(0, 2), [0]);
+        assert_eq!((tracks.track_of[1], tracks.frame_count(4)), (4, 8));
     }
 }

@@ -42,6 +42,7 @@ impl Outcome {
                 self.merged.swaps().len(),
             ));
         }
+        self.tell_names(say);
         say.line(format!(
             "{} markers, {} frames at {:.2} Hz ({:.1} s), cleaned in {:.1} s",
             take.marker_count(),
@@ -99,6 +100,64 @@ impl Outcome {
         }
     }
 
+    /// Names that were exchanged or stray, with the evidence.
+    fn tell_names(&self, say: &Say) {
+        let labels = self.before.labels();
+        let (undone, removed) = if self.names_kept {
+            ("left so", "left there")
+        } else {
+            ("undone", "removed")
+        };
+        for one in &self.misnamed.exchanges {
+            let [a, b] = one.columns.map(|column| &labels[column]);
+            say.line(format!(
+                "{a} and {b} carry each other's marker in frames {} to {}: {:.0} mm from where their \
+                 neighbours expect them, {:.0} mm once exchanged; {undone}",
+                one.frames.start,
+                one.frames.end - 1,
+                1e3 * one.before,
+                1e3 * one.after,
+            ));
+        }
+        for one in &self.misnamed.strays {
+            say.line(format!(
+                "{} is a stray point in frames {} to {}, at least {:.0} mm from where its neighbours \
+                 expect it; {removed}",
+                labels[one.column],
+                one.frames.start,
+                one.frames.end - 1,
+                1e3 * one.distance,
+            ));
+        }
+    }
+
+    fn names(&self) -> Value {
+        let labels = self.before.labels();
+        let exchanges = self.misnamed.exchanges.iter().map(|one| {
+            json!({
+                "markers": one.columns.map(|column| &labels[column]),
+                "first_frame": one.frames.start,
+                "frames": one.frames.len(),
+                "distance_before_m": one.before,
+                "distance_after_m": one.after,
+                "log_odds": one.odds,
+            })
+        });
+        let strays = self.misnamed.strays.iter().map(|one| {
+            json!({
+                "marker": labels[one.column],
+                "first_frame": one.frames.start,
+                "frames": one.frames.len(),
+                "least_distance_m": one.distance,
+            })
+        });
+        json!({
+            "undone": !self.names_kept,
+            "exchanges": exchanges.collect::<Vec<_>>(),
+            "strays": strays.collect::<Vec<_>>(),
+        })
+    }
+
     pub(super) fn to_json(&self) -> Value {
         let table = |take: &Take| {
             let [missing, gaps, longest, complete] = counts(take);
@@ -142,6 +201,7 @@ impl Outcome {
             "before": table(take),
             "after": table(&self.filled.take),
             "markers": markers.collect::<Vec<_>>(),
+            "names": self.names(),
             "merging": self.merging(),
             "spikes": spikes.collect::<Vec<_>>(),
             "smoothing": { "passes": self.passes, "amplitude_kept": kept },
