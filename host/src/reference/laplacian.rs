@@ -39,8 +39,31 @@ pub fn rotations(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DQuat> {
         .collect()
 }
 
-/// Equation 2 with mass weights: `(L' M^-1 L + A) v = L' M^-1 (q d q*) + A p`. `[vertices]`,
-/// metres.
+/// Where blending the rigid motions of four markers puts each vertex, metres.
+#[must_use]
+pub fn guess(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
+    let rest = surface.marker_rest();
+    let place = |(position, (markers, weights)): (&DVec3, &([u16; 4], [f64; 4]))| {
+        let moved = markers.iter().zip(weights).map(|(&marker, &weight)| {
+            let marker = usize::from(marker);
+            let MarkerTarget {
+                position: to,
+                rotation,
+            } = targets[marker];
+            weight * (rotation * (*position - rest[marker]) + to)
+        });
+        moved.sum()
+    };
+    surface
+        .positions
+        .iter()
+        .zip(&surface.guides)
+        .map(place)
+        .collect()
+}
+
+/// Equation 2 with mass weights and a pull `C` toward the [`guess`] `g`:
+/// `(L' M^-1 L + A + C) v = L' M^-1 (q d q*) + A p + C g`. `[vertices]`, metres.
 #[must_use]
 pub fn positions(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
     let laplacian = &surface.laplacian;
@@ -62,6 +85,15 @@ pub fn positions(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
             .zip(target.position.to_array())
         {
             *sum += surface.stiffness * p;
+        }
+    }
+    for ((sums, guess), pull) in right
+        .iter_mut()
+        .zip(guess(surface, targets))
+        .zip(&surface.pull)
+    {
+        for (sum, p) in sums.iter_mut().zip(guess.to_array()) {
+            *sum += pull * p;
         }
     }
     surface.bilaplacian.solve_vectors(&mut right);

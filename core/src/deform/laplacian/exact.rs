@@ -23,7 +23,7 @@ pub struct ExactParts<'a> {
     pub rest_normals: &'a [Lanes3],
     /// `[rows]`: rest position x y z in metres, and the inverse of the mass.
     pub rest: &'a [[f32; 4]],
-    /// `[rows]`: `L v` at rest; the fourth number is not used.
+    /// `[rows]`: `L v` at rest, and the weight of the guess, which is part of the factor too.
     pub differential: &'a [[f32; 4]],
     /// `[rows + 1]`: first neighbour of each row.
     pub starts: &'a [u32],
@@ -43,7 +43,7 @@ pub struct ExactParts<'a> {
     pub guide_weights: &'a [[f32; 4]],
     /// Factor of `L` with the markers' rows fixed.
     pub harmonic: FactorParts<'a>,
-    /// Factor of `L' M^-1 L + stiffness A`.
+    /// Factor of `L' M^-1 L + stiffness A`, with the weights of the guess on its diagonal.
     pub bilaplacian: FactorParts<'a>,
 }
 
@@ -200,9 +200,12 @@ impl<'a> Exact<'a> {
             let [x, y, z] = transform_vector(&frame(*turned, [0.0; 3]), [x, y, z]);
             *turned = [x, y, z, 0.0];
         }
-        for _ in 0..=refinements {
+        for refinement in 0..=refinements {
             self.residual(turned, position, residual);
             self.right_hand_side(&turns, residual, position, right);
+            if refinement > 0 {
+                self.pull(&turns, position, right);
+            }
             self.bilaplacian.solve(right, level);
             for (position, change) in position.iter_mut().zip(&*right) {
                 *position = add(*position, *change);
@@ -262,14 +265,28 @@ impl<'a> Exact<'a> {
     /// Positions by blending rigid motions of four markers. Solving for the difference to them
     /// keeps the numbers small, and with them the rounding.
     fn guess(&self, turns: &Turns<'_>, position: &mut [Row4]) {
+        for (to, guess) in position.iter_mut().zip(self.guesses(turns)) {
+            *to = guess;
+        }
+    }
+
+    /// `right += pull (guess - v)`; nothing where `v` is the guess.
+    fn pull(&self, turns: &Turns<'_>, position: &[Row4], right: &mut [Row4]) {
+        let weights = self.parts.differential.iter().zip(self.guesses(turns));
+        for ((to, &at), (&[.., weight], guess)) in right.iter_mut().zip(position).zip(weights) {
+            *to = add(*to, scale(sub(guess, at), weight));
+        }
+    }
+
+    /// The guess of each row.
+    fn guesses<'t>(&'t self, turns: &'t Turns<'_>) -> impl Iterator<Item = Row4> + use<'t, 'a> {
         let guides = self
             .parts
             .guide_markers
             .iter()
             .zip(self.parts.guide_weights);
-        for ((to, &[x, y, z, _]), (markers, weights)) in
-            position.iter_mut().zip(self.parts.rest).zip(guides)
-        {
+        let rows = self.parts.rest.iter().zip(guides);
+        rows.map(|(&[x, y, z, _], (markers, weights))| {
             let mut sum = [0.0; 4];
             for (&marker, &weight) in markers.iter().zip(weights) {
                 let (Some(held), Some(&row)) = (
@@ -284,8 +301,8 @@ impl<'a> Exact<'a> {
                 let [x, y, z] = transform_point(&matrix, [x - a, y - b, z - c]);
                 sum = add(sum, scale([x, y, z, 0.0], weight));
             }
-            *to = sum;
-        }
+            sum
+        })
     }
 
     /// `M^-1 (R d - L v)`, `[rows]`.

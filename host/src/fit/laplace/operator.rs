@@ -137,17 +137,34 @@ impl Laplacian {
     /// one. Positive definite where every component has a fixed vertex.
     #[must_use]
     pub fn harmonic(&self, fixed: &[bool]) -> Vec<(u32, u32, f64)> {
+        self.conducting(fixed, &vec![1.0; self.size()])
+    }
+
+    /// The same where each vertex conducts differently: edges are multiplied by the geometric mean
+    /// of `conduction` `[vertices]` at their ends, but those of fixed vertices.
+    #[must_use]
+    pub fn conducting(&self, fixed: &[bool], conduction: &[f64]) -> Vec<(u32, u32, f64)> {
+        let conducted = |vertex: usize, (to, weight): (usize, f64)| {
+            if fixed[to] {
+                return weight;
+            }
+            weight * (conduction[vertex] * conduction[to]).sqrt()
+        };
         let mut entries = Vec::new();
         for vertex in 0..self.size() {
             if fixed[vertex] {
                 entries.push((vertex as u32, vertex as u32, 1.0));
                 continue;
             }
-            let lower = self
-                .row(vertex)
-                .filter(|&(to, _)| to < vertex && !fixed[to]);
-            entries.extend(lower.map(|(to, weight)| (vertex as u32, to as u32, -weight)));
-            entries.push((vertex as u32, vertex as u32, self.diagonal(vertex)));
+            let mut diagonal = 0.0;
+            for edge in self.row(vertex) {
+                let (to, weight) = (edge.0, conducted(vertex, edge));
+                diagonal += weight;
+                if to < vertex && !fixed[to] {
+                    entries.push((vertex as u32, to as u32, -weight));
+                }
+            }
+            entries.push((vertex as u32, vertex as u32, diagonal));
         }
         entries
     }

@@ -296,13 +296,13 @@ fn coarse_skin(surface: &Surface, vertex_of: &[u32]) -> Skin {
         inverse_bind: DAffine3::from_translation(-place),
     };
     let influences = vertex_of.iter().map(|&vertex| {
-        let (markers, weights) = surface.guide(vertex as usize);
+        let (markers, weights) = surface.guides[vertex as usize];
         let pairs = markers
             .into_iter()
             .zip(weights)
             .filter(|&(_, weight)| weight > 1e-4);
         let mut pairs: Vec<(u32, f64)> = pairs
-            .map(|(marker, weight)| (u32::from(marker), f64::from(weight)))
+            .map(|(marker, weight)| (u32::from(marker), weight))
             .collect();
         let sum: f64 = pairs.iter().map(|pair| pair.1).sum();
         pairs.iter_mut().for_each(|pair| pair.1 /= sum);
