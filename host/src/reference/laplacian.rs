@@ -39,27 +39,21 @@ pub fn rotations(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DQuat> {
         .collect()
 }
 
-/// Where blending the rigid motions of four markers puts each vertex, metres.
+/// Where the mean place of its markers and its own rotation put each vertex, metres.
 #[must_use]
-pub fn guess(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
+pub fn guess(surface: &Surface, targets: &[MarkerTarget], rotations: &[DQuat]) -> Vec<DVec3> {
     let rest = surface.marker_rest();
-    let place = |(position, (markers, weights)): (&DVec3, &([u16; 4], [f64; 4]))| {
-        let moved = markers.iter().zip(weights).map(|(&marker, &weight)| {
-            let marker = usize::from(marker);
-            let MarkerTarget {
-                position: to,
-                rotation,
-            } = targets[marker];
-            weight * (rotation * (*position - rest[marker]) + to)
-        });
-        moved.sum()
-    };
-    surface
-        .positions
-        .iter()
-        .zip(&surface.guides)
-        .map(place)
-        .collect()
+    let vertices = surface.positions.iter().zip(&surface.guides).zip(rotations);
+    let place =
+        |((position, (markers, weights)), rotation): ((&DVec3, &([u16; 4], [f64; 4])), &DQuat)| {
+            let (mut from, mut to) = (DVec3::ZERO, DVec3::ZERO);
+            for (&marker, &weight) in markers.iter().zip(weights) {
+                from += weight * rest[usize::from(marker)];
+                to += weight * targets[usize::from(marker)].position;
+            }
+            to + *rotation * (*position - from)
+        };
+    vertices.map(place).collect()
 }
 
 /// Equation 2 with mass weights and a pull `C` toward the [`guess`] `g`:
@@ -67,10 +61,12 @@ pub fn guess(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
 #[must_use]
 pub fn positions(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
     let laplacian = &surface.laplacian;
+    let rotations = rotations(surface, targets);
+    let guess = guess(surface, targets, &rotations);
     let turned: Vec<DVec3> = laplacian
         .apply(&surface.positions)
         .into_iter()
-        .zip(rotations(surface, targets))
+        .zip(rotations)
         .zip(&laplacian.mass)
         .map(|((differential, rotation), mass)| rotation * differential / *mass)
         .collect();
@@ -87,11 +83,7 @@ pub fn positions(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
             *sum += surface.stiffness * p;
         }
     }
-    for ((sums, guess), pull) in right
-        .iter_mut()
-        .zip(guess(surface, targets))
-        .zip(&surface.pull)
-    {
+    for ((sums, guess), pull) in right.iter_mut().zip(guess).zip(&surface.pull) {
         for (sum, p) in sums.iter_mut().zip(guess.to_array()) {
             *sum += pull * p;
         }

@@ -7,7 +7,7 @@ use sinew_core::deform::laplacian::{CollapsedParts, ExactParts};
 use super::laplacian::{consistent_signs, positions, rotations};
 use crate::fit::laplace::cholesky::Cholesky;
 use crate::fit::laplace::operator::Laplacian;
-use crate::fit::laplace::surface::conduction;
+use crate::fit::laplace::surface::rotation_system;
 use crate::fit::laplace::{LaplaceError, MarkerTarget, Surface};
 use crate::model::nearest_rotation;
 
@@ -155,7 +155,7 @@ fn refactored(parts: &ExactParts<'_>) -> Result<Surface, LaplaceError> {
         let row = entry.0 as usize;
         entry.2 += pull[row] + if marked[row] { stiffness } else { 0.0 };
     }
-    let conduction = conduction(&laplacian, &pull, parts.marker_rows);
+    let harmonic = rotation_system(&laplacian, &pull, parts.marker_rows, None)?;
     let guides = parts.guide_markers.iter().zip(parts.guide_weights);
     let place = |row: &[f32; 4]| DVec3::new(row[0].into(), row[1].into(), row[2].into());
     Ok(Surface {
@@ -169,7 +169,7 @@ fn refactored(parts: &ExactParts<'_>) -> Result<Surface, LaplaceError> {
             .map(|(&markers, weights)| (markers, weights.map(f64::from)))
             .collect(),
         pull,
-        harmonic: Cholesky::new(size, &laplacian.conducting(&marked, &conduction), None)?,
+        harmonic,
         bilaplacian: Cholesky::new(size, &squared, None)?,
         laplacian,
     })

@@ -5,10 +5,10 @@ use core::borrow::BorrowMut;
 use super::super::output::{Output, SizeError, VertexOrder, Writer};
 use super::LaplacianError;
 use super::exact_check;
-use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, marker_frame, position_of};
+use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, position_of};
 use crate::Level;
 use crate::asset::Lanes3;
-use crate::math::{Affine12, transform_point, transform_vector};
+use crate::math::transform_vector;
 use crate::solve::sparse::{Factor, FactorParts, Row4};
 
 /// Tables of an exact deformer. Rows are places of the surface in the order of the factors; several
@@ -189,22 +189,17 @@ impl<'a> Exact<'a> {
         };
         let mut report = turns.follow(poses, rest, self.parts.marker_edges);
         self.spread_rotations(&turns, turned, level);
-        self.guess(&turns, position);
+        self.guess(&turns, turned, position);
         if turns.is_far(self.parts.marker_edges) {
             turns.rebase(|_, row| turned.get(row).copied().unwrap_or_default());
             report.rebased = true;
         }
         self.turn_normals(turned, by_source, &mut to);
-        for (turned, differential) in turned.iter_mut().zip(self.parts.differential) {
-            let &[x, y, z, _] = differential;
-            let [x, y, z] = transform_vector(&frame(*turned, [0.0; 3]), [x, y, z]);
-            *turned = [x, y, z, 0.0];
-        }
         for refinement in 0..=refinements {
             self.residual(turned, position, residual);
             self.right_hand_side(&turns, residual, position, right);
             if refinement > 0 {
-                self.pull(&turns, position, right);
+                self.pull(&turns, turned, position, right);
             }
             self.bilaplacian.solve(right, level);
             for (position, change) in position.iter_mut().zip(&*right) {
@@ -262,32 +257,38 @@ impl<'a> Exact<'a> {
         }
     }
 
-    /// Positions by blending rigid motions of four markers. Solving for the difference to them
-    /// keeps the numbers small, and with them the rounding.
-    fn guess(&self, turns: &Turns<'_>, position: &mut [Row4]) {
-        for (to, guess) in position.iter_mut().zip(self.guesses(turns)) {
+    /// Positions from four markers. Solving for the difference to them keeps the numbers small,
+    /// and with them the rounding.
+    fn guess(&self, turns: &Turns<'_>, rotation: &[Row4], position: &mut [Row4]) {
+        for (to, guess) in position.iter_mut().zip(self.guesses(turns, rotation)) {
             *to = guess;
         }
     }
 
     /// `right += pull (guess - v)`; nothing where `v` is the guess.
-    fn pull(&self, turns: &Turns<'_>, position: &[Row4], right: &mut [Row4]) {
-        let weights = self.parts.differential.iter().zip(self.guesses(turns));
+    fn pull(&self, turns: &Turns<'_>, rotation: &[Row4], position: &[Row4], right: &mut [Row4]) {
+        let guesses = self.guesses(turns, rotation);
+        let weights = self.parts.differential.iter().zip(guesses);
         for ((to, &at), (&[.., weight], guess)) in right.iter_mut().zip(position).zip(weights) {
             *to = add(*to, scale(sub(guess, at), weight));
         }
     }
 
-    /// The guess of each row.
-    fn guesses<'t>(&'t self, turns: &'t Turns<'_>) -> impl Iterator<Item = Row4> + use<'t, 'a> {
+    /// The mean place of a row's markers, and from there the row's own rotation: nothing collapses
+    /// where markers turn against each other.
+    fn guesses<'t>(
+        &'t self,
+        turns: &'t Turns<'_>,
+        rotation: &'t [Row4],
+    ) -> impl Iterator<Item = Row4> + use<'t, 'a> {
         let guides = self
             .parts
             .guide_markers
             .iter()
             .zip(self.parts.guide_weights);
-        let rows = self.parts.rest.iter().zip(guides);
-        rows.map(|(&[x, y, z, _], (markers, weights))| {
-            let mut sum = [0.0; 4];
+        let rows = self.parts.rest.iter().zip(rotation).zip(guides);
+        rows.map(|((&[x, y, z, _], &turn), (markers, weights))| {
+            let (mut from, mut to) = ([0.0; 4], [0.0; 4]);
             for (&marker, &weight) in markers.iter().zip(weights) {
                 let (Some(held), Some(&row)) = (
                     turns.markers.get(usize::from(marker)),
@@ -296,25 +297,25 @@ impl<'a> Exact<'a> {
                     continue;
                 };
                 let rest = self.parts.rest.get(row as usize).copied();
-                let [a, b, c, _] = rest.unwrap_or_default();
-                let matrix: Affine12 = marker_frame(held);
-                let [x, y, z] = transform_point(&matrix, [x - a, y - b, z - c]);
-                sum = add(sum, scale([x, y, z, 0.0], weight));
+                from = add(from, scale(rest.unwrap_or_default(), weight));
+                let [x, y, z] = position_of(held);
+                to = add(to, scale([x, y, z, 0.0], weight));
             }
-            sum
+            let [x, y, z, _] = sub([x, y, z, 0.0], from);
+            let [x, y, z] = transform_vector(&frame(turn, [0.0; 3]), [x, y, z]);
+            add(to, [x, y, z, 0.0])
         })
     }
 
     /// `M^-1 (R d - L v)`, `[rows]`.
-    fn residual(&self, turned: &[Row4], position: &[Row4], residual: &mut [Row4]) {
-        for (row, ((to, &turned), rest)) in residual
-            .iter_mut()
-            .zip(turned)
-            .zip(self.parts.rest)
-            .enumerate()
+    fn residual(&self, rotation: &[Row4], position: &[Row4], residual: &mut [Row4]) {
+        let rest = self.parts.rest.iter().zip(self.parts.differential);
+        for (row, ((to, &turn), (&[.., inverse_mass], &[x, y, z, _]))) in
+            residual.iter_mut().zip(rotation).zip(rest).enumerate()
         {
-            let &[_, _, _, inverse_mass] = rest;
-            *to = scale(sub(turned, self.laplacian(row, position)), inverse_mass);
+            let [x, y, z] = transform_vector(&frame(turn, [0.0; 3]), [x, y, z]);
+            let missing = sub([x, y, z, 0.0], self.laplacian(row, position));
+            *to = scale(missing, inverse_mass);
         }
     }
 

@@ -17,7 +17,7 @@ use crate::bake::{BakeOptions, bake_rig};
 use crate::clean::fill::{FillOptions, fill};
 use crate::export::png::write_png;
 use crate::export::write_atomic;
-use crate::fit::laplace::align::{Alignment, align, best_frame};
+use crate::fit::laplace::align::{Alignment, Similarity, align, best_frame};
 use crate::fit::laplace::drive::{Retarget, Rotations};
 use crate::fit::laplace::picture::marker_sheet;
 use crate::fit::laplace::repair::{RepairOptions, Repaired, repair};
@@ -328,8 +328,13 @@ impl Laplacian {
         };
         let (frame, alignment) = found.map_err(|error| fault(path, &error))?;
         let (similarity, residual) = (&alignment.similarity, 1e3 * alignment.residual);
+        let stance = if template.motion().contains(&frame) {
+            ""
+        } else {
+            " (no frame of the motion: a pose that people are scanned in)"
+        };
         say.line(format!(
-            "aligned to frame {frame}: size x {:.3}, {residual:.1} mm from the scan; fits {:.2} x as \
+            "aligned to frame {frame}{stance}: size x {:.3}, {residual:.1} mm from the scan; fits {:.2} x as \
              well as the next direction",
             similarity.scale, alignment.lead
         ));
@@ -339,6 +344,9 @@ impl Laplacian {
         let count = usize::from(self.marker_count);
         let surface = (&places[..], &repaired.triangles[..]);
         let mut pairs = Pairs::propose(template, frame, similarity, surface, count);
+        if !template.has_rotations() {
+            tell_far(template, &pairs, similarity, places, say);
+        }
         for pair in &mut pairs.pairs {
             pair.vertex = repaired.source_of[pair.vertex as usize];
         }
@@ -401,4 +409,40 @@ fn complete(
         }
     }
     Ok((take.with_trajectories(labels, paths)?, dropped))
+}
+
+/// Names markers that are far from the scan: the take does not show the scan's pose there.
+fn tell_far(
+    template: &Template,
+    pairs: &Pairs,
+    alignment: &Similarity,
+    places: &[DVec3],
+    say: &Say,
+) {
+    /// Metres; markers stand off the skin by less.
+    const FAR: f64 = 0.06;
+    let points = template.positions(&pairs.points(), pairs.reference.unwrap_or(0));
+    let distance =
+        |(point, vertex): (&DVec3, u32)| alignment.apply(*point).distance(places[vertex as usize]);
+    let far: Vec<String> = points
+        .iter()
+        .zip(pairs.vertices())
+        .map(distance)
+        .zip(pairs.points())
+        .filter(|(distance, _)| *distance > FAR)
+        .map(|(distance, point)| {
+            let label = &template.labels[point as usize];
+            format!("{label} ({:.0} mm)", 1e3 * distance)
+        })
+        .collect();
+    if !far.is_empty() {
+        say.line(format!(
+            "note: {} of {} markers are far from the scan where the take is most like it, so the \
+             take does not show its pose: {}; give --pairs, or make a skeleton of the take (sinew \
+             solve) and give that as --template",
+            far.len(),
+            points.len(),
+            far.join(", ")
+        ));
+    }
 }

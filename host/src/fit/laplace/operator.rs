@@ -137,19 +137,27 @@ impl Laplacian {
     /// one. Positive definite where every component has a fixed vertex.
     #[must_use]
     pub fn harmonic(&self, fixed: &[bool]) -> Vec<(u32, u32, f64)> {
-        self.conducting(fixed, &vec![1.0; self.size()])
+        self.fixed(fixed, |_, (_, weight)| weight)
     }
 
     /// The same where each vertex conducts differently: edges are multiplied by the geometric mean
-    /// of `conduction` `[vertices]` at their ends, but those of fixed vertices.
+    /// of `conduction` `[vertices]` at their ends, but those of fixed vertices. Negative weights, of
+    /// edges across obtuse angles, conduct nothing then: uneven ones would not stay definite.
     #[must_use]
     pub fn conducting(&self, fixed: &[bool], conduction: &[f64]) -> Vec<(u32, u32, f64)> {
-        let conducted = |vertex: usize, (to, weight): (usize, f64)| {
+        self.fixed(fixed, |vertex, (to, weight)| {
             if fixed[to] {
                 return weight;
             }
-            weight * (conduction[vertex] * conduction[to]).sqrt()
-        };
+            weight.max(0.0) * (conduction[vertex] * conduction[to]).sqrt()
+        })
+    }
+
+    fn fixed(
+        &self,
+        fixed: &[bool],
+        conducted: impl Fn(usize, (usize, f64)) -> f64,
+    ) -> Vec<(u32, u32, f64)> {
         let mut entries = Vec::new();
         for vertex in 0..self.size() {
             if fixed[vertex] {

@@ -17,7 +17,7 @@ pub struct SurfaceOptions {
     pub stiffness: f64,
     /// How strongly each marker holds what surrounds it, against bending over the distance to the
     /// next marker: rotations then change half-way between markers, and the rigid motion of the
-    /// markers around pulls at places. 0 leaves the paper's equations, where a harmonic field has a
+    /// marker around pulls at places. 0 leaves the paper's equations, where a harmonic field has a
     /// spike at each marker and changes everywhere else.
     pub hold: f64,
 }
@@ -59,7 +59,7 @@ pub struct Surface {
     /// Weight of a marker's position.
     pub stiffness: f64,
     /// `[vertices]`: the four markers with the largest share in each and their weights, which sum to
-    /// one. Blending their rigid motions guesses where the vertex is.
+    /// one: the vertex is about where its rotation puts it from their mean place.
     pub guides: Vec<([u16; 4], [f64; 4])>,
     /// `[vertices]`: weight of that guess.
     pub pull: Vec<f64>,
@@ -107,9 +107,8 @@ impl Surface {
             .zip(&laplacian.mass)
             .map(|(rule, mass)| options.hold * density * mass * rule)
             .collect();
-        let conducting = laplacian.conducting(&marked, &conduction(&laplacian, &pull, &markers));
         if options.hold > 0.0 {
-            let held = Cholesky::new(size, &conducting, Some(&even.order()))?;
+            let held = rotation_system(&laplacian, &pull, &markers, Some(&even.order()))?;
             weights = harmonic_weights(&laplacian, &held, &markers);
         }
         drop(even);
@@ -125,7 +124,7 @@ impl Surface {
         drop(squared);
         // The harmonic system's pattern lies inside the other one's, so one order serves both.
         let order = bilaplacian.order();
-        let harmonic = Cholesky::new(size, &conducting, Some(&order))?;
+        let harmonic = rotation_system(&laplacian, &pull, &markers, Some(&order))?;
         let guides = (0..size).map(|vertex| guide(&weights, vertex)).collect();
         let distances: Vec<_> = markers.iter().map(|&v| graph.distances(&[v])).collect();
         let marker_edges = spanning_tree(&markers, &distances, &positions);
@@ -313,19 +312,35 @@ pub(super) fn component(vertices: &[u32], positions: &[DVec3]) -> Component {
     }
 }
 
-/// How well each vertex conducts rotations: 1 at markers, least where several meet. It follows from
-/// `pull`, which falls off with the share of the strongest marker. `[vertices]`
-pub(crate) fn conduction(laplacian: &Laplacian, pull: &[f64], markers: &[u32]) -> Vec<f64> {
+/// The system of rotations: `L` with the markers fixed. Rotations are conducted well at markers,
+/// worst where several meet; how well follows from `pull`, which falls off with the share of the
+/// strongest marker. O(fill)
+///
+/// # Errors
+/// As [`Cholesky::new`].
+pub(crate) fn rotation_system(
+    laplacian: &Laplacian,
+    pull: &[f64],
+    markers: &[u32],
+    order: Option<&[u32]>,
+) -> Result<Cholesky, LaplaceError> {
     /// For a system that 32-bit numbers solve.
     const LEAST: f64 = 1e-4;
+    let size = laplacian.size();
+    let mut marked = vec![false; size];
+    markers.iter().for_each(|&v| marked[v as usize] = true);
     let held = |vertex: usize| pull[vertex] / laplacian.mass[vertex];
     let at_marker = markers.first().map_or(0.0, |&marker| held(marker as usize));
+    let even = || Cholesky::new(size, &laplacian.harmonic(&marked), order);
     if at_marker <= 0.0 {
-        return vec![1.0; pull.len()];
+        return even();
     }
-    (0..pull.len())
+    let conduction: Vec<f64> = (0..size)
         .map(|vertex| (held(vertex) / at_marker).powi(4).max(LEAST))
-        .collect()
+        .collect();
+    let system = Cholesky::new(size, &laplacian.conducting(&marked, &conduction), order);
+    // Obtuse triangles right at a marker can make it indefinite.
+    system.or_else(|_| even())
 }
 
 /// `[vertices]`: 1 where a single marker rules, 1 / k where k of them share.
@@ -339,7 +354,7 @@ fn rule(weights: &[Vec<f64>]) -> Vec<f64> {
     sums.iter().map(|sum: &f64| sum.clamp(0.0, 1.0)).collect()
 }
 
-/// The four markers with the largest share in a vertex.
+/// The four markers with the largest share in a vertex, by the squares of their shares.
 fn guide(weights: &[Vec<f64>], vertex: usize) -> ([u16; 4], [f64; 4]) {
     let mut heaviest: Vec<(f64, u16)> = weights
         .iter()
@@ -347,11 +362,12 @@ fn guide(weights: &[Vec<f64>], vertex: usize) -> ([u16; 4], [f64; 4]) {
         .map(|(weights, marker)| (weights[vertex].max(0.0), marker))
         .collect();
     heaviest.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    let sum: f64 = heaviest.iter().take(4).map(|&(weight, _)| weight).sum();
     let at = |k: usize| heaviest.get(k).copied().unwrap_or_default();
+    let squares = [0, 1, 2, 3].map(|k| at(k).0 * at(k).0);
+    let sum: f64 = squares.iter().sum();
     (
         [0, 1, 2, 3].map(|k| at(k).1),
-        [0, 1, 2, 3].map(|k| at(k).0 / sum.max(1e-9)),
+        squares.map(|square| square / sum.max(1e-18)),
     )
 }
 
