@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
+use crate::fit::laplace::operator::Laplacian;
 use crate::fit::laplace::{MarkerTarget, Surface};
 
 /// Signs such that neighbours along the tree are at most half a revolution apart.
@@ -25,7 +26,7 @@ pub fn rotations(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DQuat> {
     for (&vertex, rotation) in surface.markers.iter().zip(&given) {
         for (neighbour, weight) in surface.laplacian.row(vertex as usize) {
             for (sum, x) in field[neighbour].iter_mut().zip(rotation.to_array()) {
-                *sum += weight * x;
+                *sum += Laplacian::conducts(weight) * x;
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 use sinew_host::fit::laplace::rotations::{by_neighbours, by_spanning_tree, nearest_markers};
+use sinew_host::fit::laplace::volume::losses;
 use sinew_host::fit::laplace::{
     CollapseOptions, CollapseReport, MarkerTarget, Surface, SurfaceOptions, collapse,
     collapse_within,
@@ -235,4 +236,48 @@ fn tables_of_the_collapsed_mode() {
         );
         assert!(report.mean <= 0.5e-3 && report.percentile_99 <= 3e-3 && report.max <= 8e-3);
     }
+}
+
+#[test]
+#[ignore = "long: run in release with --ignored --nocapture"]
+fn volume_under_extreme_bends() {
+    let scan = Scan::new(bundled_body(), 50, &SurfaceOptions::default());
+    let mesh = &scan.body.mesh;
+    let kneel = fitted(&root().join("examples/data/kneel.bvh"), &scan.body);
+    let poses: Vec<_> = sample(&scan, &kneel, 60).into_iter().map(|x| x.1).collect();
+    let (fit, held_out): (Vec<_>, Vec<_>) = (0..).zip(poses).partition(|(k, _)| k % 20 < 15);
+    let only = |poses: Vec<(i32, Vec<MarkerTarget>)>| -> Vec<Vec<MarkerTarget>> {
+        poses.into_iter().map(|pose| pose.1).collect()
+    };
+    let (fit, held_out) = (only(fit), only(held_out));
+    let lost = |what: &str, shapes: Vec<Vec<DVec3>>| {
+        let losses = losses(&mesh.positions, &mesh.triangles, &shapes);
+        let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+        let worst = losses.into_iter().fold(f64::MIN, f64::max);
+        println!(
+            "{what:30} loses {:5.2} % of its volume, {:5.2} % at worst",
+            1e2 * mean,
+            1e2 * worst
+        );
+        mean
+    };
+    let truth = sample(&scan, &kneel, 60).into_iter().map(|x| x.0);
+    lost("skinned body", truth.collect());
+    let exact =
+        |targets: &Vec<MarkerTarget>| reference::laplacian::positions(&scan.surface, targets);
+    let before = lost("exact", held_out.iter().map(exact).collect());
+    let mut after = before;
+    for keep_volume in [false, true] {
+        let options = CollapseOptions {
+            keep_volume,
+            ..CollapseOptions::default()
+        };
+        let tables = collapse(&scan.surface, &mesh.triangles, &[], &fit, &options).expect("fits");
+        let played = held_out
+            .iter()
+            .map(|targets| tables.positions(&scan.surface, targets));
+        let what = format!("collapsed, kept: {keep_volume}");
+        after = lost(&what, played.collect());
+    }
+    assert!(after.abs() < 0.5 * before.abs().max(2e-3));
 }

@@ -41,7 +41,7 @@ pub struct ExactParts<'a> {
     pub guide_markers: &'a [[u16; 4]],
     /// `[rows]`: their weights, which sum to one.
     pub guide_weights: &'a [[f32; 4]],
-    /// Factor of `L` with the markers' rows fixed.
+    /// Factor of `L` with the markers' rows fixed; edges conduct as [`LEAST_CONDUCTION`] says.
     pub harmonic: FactorParts<'a>,
     /// Factor of `L' M^-1 L + stiffness A`, with the weights of the guess on its diagonal.
     pub bilaplacian: FactorParts<'a>,
@@ -54,6 +54,10 @@ pub struct Exact<'a> {
     harmonic: Factor<'a>,
     bilaplacian: Factor<'a>,
 }
+
+/// Edges conduct rotations by their cotangent weight, but at least this much: across obtuse angles
+/// weights are negative, and rotations would leave the span of those around.
+pub const LEAST_CONDUCTION: f32 = 1e-6;
 
 /// Numbers of scratch that [`Exact::step`] needs for `rows` vertices.
 #[must_use]
@@ -241,8 +245,14 @@ impl<'a> Exact<'a> {
         for (marker, &row) in self.parts.marker_rows.iter().enumerate() {
             let turn = turns.since_base(marker);
             for (neighbour, weight) in self.edges(row as usize) {
+                // Not `max`: rules for signed zeros differ between targets.
+                let conducts = if weight > LEAST_CONDUCTION {
+                    weight
+                } else {
+                    LEAST_CONDUCTION
+                };
                 if let Some(to) = rotation.get_mut(neighbour) {
-                    *to = add(*to, scale(turn, weight));
+                    *to = add(*to, scale(turn, conducts));
                 }
             }
         }

@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
+use sinew_core::deform::laplacian::LEAST_CONDUCTION;
 
 /// Edge lengths are grown by this part of their mean before angles are taken, which gives
 /// degenerate triangles cotangents of at most about twenty, so that 32-bit solves bear slivers, and
@@ -140,16 +141,23 @@ impl Laplacian {
         self.fixed(fixed, |_, (_, weight)| weight)
     }
 
-    /// The same where each vertex conducts differently: edges are multiplied by the geometric mean
-    /// of `conduction` `[vertices]` at their ends, but those of fixed vertices. Negative weights, of
-    /// edges across obtuse angles, conduct nothing then: uneven ones would not stay definite.
+    /// How well an edge of this weight conducts rotations: as the core has it.
+    #[must_use]
+    pub fn conducts(weight: f64) -> f64 {
+        weight.max(f64::from(LEAST_CONDUCTION))
+    }
+
+    /// The same by [`Self::conducts`] instead of weights, multiplied by the geometric mean of
+    /// `conduction` `[vertices]` at both ends, but for edges of fixed vertices.
     #[must_use]
     pub fn conducting(&self, fixed: &[bool], conduction: &[f64]) -> Vec<(u32, u32, f64)> {
         self.fixed(fixed, |vertex, (to, weight)| {
-            if fixed[to] {
-                return weight;
-            }
-            weight.max(0.0) * (conduction[vertex] * conduction[to]).sqrt()
+            let both = if fixed[to] {
+                1.0
+            } else {
+                (conduction[vertex] * conduction[to]).sqrt()
+            };
+            Self::conducts(weight) * both
         })
     }
 

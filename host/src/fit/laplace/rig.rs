@@ -38,6 +38,8 @@ pub enum Solve {
 pub struct RigOptions {
     /// What to compute in a frame.
     pub solve: Solve,
+    /// How the surface follows.
+    pub surface: SurfaceOptions,
     /// Let components without a marker follow the nearest one that has some.
     pub attach: bool,
     /// Fit to poses that keep their volume; for collapsed surfaces.
@@ -49,6 +51,7 @@ impl Default for RigOptions {
         let solve = Solve::Collapsed { tolerance: 3e-3 };
         Self {
             solve,
+            surface: SurfaceOptions::default(),
             attach: false,
             keep_volume: false,
         }
@@ -120,8 +123,7 @@ pub fn rig(
             parents.push(Some(parent));
         }
     }
-    let surface_options = SurfaceOptions::default();
-    let surface = Surface::new(places.clone(), triangles, markers, &surface_options)?;
+    let surface = Surface::new(places.clone(), triangles, markers, &options.surface)?;
     let poses: Vec<Vec<MarkerTarget>> = driven
         .poses
         .iter()

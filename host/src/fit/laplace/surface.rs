@@ -98,7 +98,7 @@ impl Surface {
         }
         let laplacian = Laplacian::new(&positions, triangles);
         let size = positions.len();
-        let even = Cholesky::new(size, &laplacian.harmonic(&marked), None)?;
+        let even = rotation_system(&laplacian, &vec![0.0; size], &markers, None)?;
         let mut weights = harmonic_weights(&laplacian, &even, &markers);
         // Bending over the distance between markers weighs (markers / vertices)^2.
         let density = (markers.len() as f64 / size as f64).powi(2);
@@ -331,16 +331,14 @@ pub(crate) fn rotation_system(
     markers.iter().for_each(|&v| marked[v as usize] = true);
     let held = |vertex: usize| pull[vertex] / laplacian.mass[vertex];
     let at_marker = markers.first().map_or(0.0, |&marker| held(marker as usize));
-    let even = || Cholesky::new(size, &laplacian.harmonic(&marked), order);
-    if at_marker <= 0.0 {
-        return even();
-    }
-    let conduction: Vec<f64> = (0..size)
-        .map(|vertex| (held(vertex) / at_marker).powi(4).max(LEAST))
-        .collect();
-    let system = Cholesky::new(size, &laplacian.conducting(&marked, &conduction), order);
-    // Obtuse triangles right at a marker can make it indefinite.
-    system.or_else(|_| even())
+    let conduction: Vec<f64> = if at_marker > 0.0 {
+        (0..size)
+            .map(|vertex| (held(vertex) / at_marker).powi(4).max(LEAST))
+            .collect()
+    } else {
+        vec![1.0; size]
+    };
+    Cholesky::new(size, &laplacian.conducting(&marked, &conduction), order)
 }
 
 /// `[vertices]`: 1 where a single marker rules, 1 / k where k of them share.
@@ -376,7 +374,7 @@ fn harmonic_weights(laplacian: &Laplacian, harmonic: &Cholesky, markers: &[u32])
     let mut columns = vec![0.0; markers.len() * laplacian.size()];
     for (column, &vertex) in columns.chunks_mut(laplacian.size()).zip(markers) {
         for (neighbour, weight) in laplacian.row(vertex as usize) {
-            column[neighbour] = weight;
+            column[neighbour] = Laplacian::conducts(weight);
         }
         for &other in markers {
             column[other as usize] = 0.0;
