@@ -33,7 +33,7 @@ impl SurfaceOptions {
 impl Default for SurfaceOptions {
     fn default() -> Self {
         Self {
-            hold: 200.0,
+            hold: 100.0,
             ..Self::PAPER
         }
     }
@@ -100,9 +100,10 @@ impl Surface {
         let size = positions.len();
         let even = rotation_system(&laplacian, &vec![0.0; size], &markers, None)?;
         let mut weights = harmonic_weights(&laplacian, &even, &markers);
+        let distances: Vec<_> = markers.iter().map(|&v| graph.distances(&[v])).collect();
         // Bending over the distance between markers weighs (markers / vertices)^2.
         let density = (markers.len() as f64 / size as f64).powi(2);
-        let pull: Vec<f64> = rule(&weights)
+        let pull: Vec<f64> = rule(&weights, &distances, &markers)
             .iter()
             .zip(&laplacian.mass)
             .map(|(rule, mass)| options.hold * density * mass * rule)
@@ -126,7 +127,6 @@ impl Surface {
         let order = bilaplacian.order();
         let harmonic = rotation_system(&laplacian, &pull, &markers, Some(&order))?;
         let guides = (0..size).map(|vertex| guide(&weights, vertex)).collect();
-        let distances: Vec<_> = markers.iter().map(|&v| graph.distances(&[v])).collect();
         let marker_edges = spanning_tree(&markers, &distances, &positions);
         Ok(Self {
             positions,
@@ -313,8 +313,7 @@ pub(super) fn component(vertices: &[u32], positions: &[DVec3]) -> Component {
 }
 
 /// The system of rotations: `L` with the markers fixed. Rotations are conducted well at markers,
-/// worst where several meet; how well follows from `pull`, which falls off with the share of the
-/// strongest marker. O(fill)
+/// worst half-way between them; how well follows from `pull`, which falls off as [`rule`]. O(fill)
 ///
 /// # Errors
 /// As [`Cholesky::new`].
@@ -325,7 +324,7 @@ pub(crate) fn rotation_system(
     order: Option<&[u32]>,
 ) -> Result<Cholesky, LaplaceError> {
     /// For a system that 32-bit numbers solve.
-    const LEAST: f64 = 1e-4;
+    const LEAST: f64 = 1e-5;
     let size = laplacian.size();
     let mut marked = vec![false; size];
     markers.iter().for_each(|&v| marked[v as usize] = true);
@@ -333,7 +332,7 @@ pub(crate) fn rotation_system(
     let at_marker = markers.first().map_or(0.0, |&marker| held(marker as usize));
     let conduction: Vec<f64> = if at_marker > 0.0 {
         (0..size)
-            .map(|vertex| (held(vertex) / at_marker).powi(4).max(LEAST))
+            .map(|vertex| (held(vertex) / at_marker).powi(6).max(LEAST))
             .collect()
     } else {
         vec![1.0; size]
@@ -341,15 +340,39 @@ pub(crate) fn rotation_system(
     Cholesky::new(size, &laplacian.conducting(&marked, &conduction), order)
 }
 
-/// `[vertices]`: 1 where a single marker rules, 1 / k where k of them share.
-fn rule(weights: &[Vec<f64>]) -> Vec<f64> {
-    let mut sums = vec![0.0; weights.first().map_or(0, Vec::len)];
-    for row in weights {
-        for (sum, weight) in sums.iter_mut().zip(row) {
-            *sum += weight * weight;
+/// How much a vertex belongs to one side: `sum_kl h_k h_l (1 - d_kl / (d_k + d_l))` over its
+/// strongest markers, with shares `h` and distances along the surface. 1 at a marker, and less the
+/// more the vertex lies between markers; several markers on one side count as one. `[vertices]`
+fn rule(weights: &[Vec<f64>], distances: &[Vec<f32>], markers: &[u32]) -> Vec<f64> {
+    /// Markers that count.
+    const STRONGEST: usize = 8;
+    let near = |vertex: usize| -> Vec<(f64, usize)> {
+        let shares = weights.iter().map(|row| row[vertex].max(0.0));
+        let mut shares: Vec<(f64, usize)> = shares.zip(0..).collect();
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        shares.truncate(STRONGEST);
+        shares
+    };
+    let rule = |vertex: usize| {
+        let near = near(vertex);
+        let total: f64 = near.iter().map(|near| near.0).sum();
+        let mut sum = 0.0;
+        for &(share, marker) in &near {
+            for &(other_share, other) in &near {
+                let way = distances[marker][vertex] + distances[other][vertex];
+                let apart = distances[marker][markers[other] as usize];
+                let alike = if way > 0.0 && marker != other {
+                    f64::from(1.0 - apart / way).max(0.0)
+                } else {
+                    1.0
+                };
+                sum += share * other_share * alike;
+            }
         }
-    }
-    sums.iter().map(|sum: &f64| sum.clamp(0.0, 1.0)).collect()
+        (sum / (total * total).max(1e-18)).clamp(0.0, 1.0)
+    };
+    let count = weights.first().map_or(0, Vec::len);
+    (0..count).map(rule).collect()
 }
 
 /// The four markers with the largest share in a vertex, by the squares of their shares.
