@@ -2,6 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
+use crate::fit::laplace::operator::Laplacian;
 use crate::fit::laplace::{MarkerTarget, Surface};
 
 /// Signs such that neighbours along the tree are at most half a revolution apart.
@@ -25,7 +26,7 @@ pub fn rotations(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DQuat> {
     for (&vertex, rotation) in surface.markers.iter().zip(&given) {
         for (neighbour, weight) in surface.laplacian.row(vertex as usize) {
             for (sum, x) in field[neighbour].iter_mut().zip(rotation.to_array()) {
-                *sum += weight * x;
+                *sum += Laplacian::conducts(weight) * x;
             }
         }
     }
@@ -39,15 +40,34 @@ pub fn rotations(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DQuat> {
         .collect()
 }
 
-/// Equation 2 with mass weights: `(L' M^-1 L + A) v = L' M^-1 (q d q*) + A p`. `[vertices]`,
-/// metres.
+/// Where the mean place of its markers and its own rotation put each vertex, metres.
+#[must_use]
+pub fn guess(surface: &Surface, targets: &[MarkerTarget], rotations: &[DQuat]) -> Vec<DVec3> {
+    let rest = surface.marker_rest();
+    let vertices = surface.positions.iter().zip(&surface.guides).zip(rotations);
+    let place =
+        |((position, (markers, weights)), rotation): ((&DVec3, &([u16; 4], [f64; 4])), &DQuat)| {
+            let (mut from, mut to) = (DVec3::ZERO, DVec3::ZERO);
+            for (&marker, &weight) in markers.iter().zip(weights) {
+                from += weight * rest[usize::from(marker)];
+                to += weight * targets[usize::from(marker)].position;
+            }
+            to + *rotation * (*position - from)
+        };
+    vertices.map(place).collect()
+}
+
+/// Equation 2 with mass weights and a pull `C` toward the [`guess`] `g`:
+/// `(L' M^-1 L + A + C) v = L' M^-1 (q d q*) + A p + C g`. `[vertices]`, metres.
 #[must_use]
 pub fn positions(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
     let laplacian = &surface.laplacian;
+    let rotations = rotations(surface, targets);
+    let guess = guess(surface, targets, &rotations);
     let turned: Vec<DVec3> = laplacian
         .apply(&surface.positions)
         .into_iter()
-        .zip(rotations(surface, targets))
+        .zip(rotations)
         .zip(&laplacian.mass)
         .map(|((differential, rotation), mass)| rotation * differential / *mass)
         .collect();
@@ -62,6 +82,11 @@ pub fn positions(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DVec3> {
             .zip(target.position.to_array())
         {
             *sum += surface.stiffness * p;
+        }
+    }
+    for ((sums, guess), pull) in right.iter_mut().zip(guess).zip(&surface.pull) {
+        for (sum, p) in sums.iter_mut().zip(guess.to_array()) {
+            *sum += pull * p;
         }
     }
     surface.bilaplacian.solve_vectors(&mut right);

@@ -7,6 +7,7 @@ use sinew_core::deform::laplacian::{CollapsedParts, ExactParts};
 use super::laplacian::{consistent_signs, positions, rotations};
 use crate::fit::laplace::cholesky::Cholesky;
 use crate::fit::laplace::operator::Laplacian;
+use crate::fit::laplace::surface::rotation_system;
 use crate::fit::laplace::{LaplaceError, MarkerTarget, Surface};
 use crate::model::nearest_rotation;
 
@@ -144,12 +145,18 @@ fn refactored(parts: &ExactParts<'_>) -> Result<Surface, LaplaceError> {
         .iter()
         .for_each(|&row| marked[row as usize] = true);
     let stiffness = f64::from(parts.stiffness);
+    let pull: Vec<f64> = parts
+        .differential
+        .iter()
+        .map(|row| f64::from(row[3]))
+        .collect();
     let mut squared = laplacian.squared();
-    for entry in &mut squared {
-        if entry.0 == entry.1 && marked[entry.0 as usize] {
-            entry.2 += stiffness;
-        }
+    for entry in squared.iter_mut().filter(|entry| entry.0 == entry.1) {
+        let row = entry.0 as usize;
+        entry.2 += pull[row] + if marked[row] { stiffness } else { 0.0 };
     }
+    let harmonic = rotation_system(&laplacian, &pull, parts.marker_rows, None)?;
+    let guides = parts.guide_markers.iter().zip(parts.guide_weights);
     let place = |row: &[f32; 4]| DVec3::new(row[0].into(), row[1].into(), row[2].into());
     Ok(Surface {
         positions: parts.rest.iter().map(place).collect(),
@@ -158,7 +165,11 @@ fn refactored(parts: &ExactParts<'_>) -> Result<Surface, LaplaceError> {
         distances: Vec::new(),
         weights: Vec::new(),
         stiffness,
-        harmonic: Cholesky::new(size, &laplacian.harmonic(&marked), None)?,
+        guides: guides
+            .map(|(&markers, weights)| (markers, weights.map(f64::from)))
+            .collect(),
+        pull,
+        harmonic,
         bilaplacian: Cholesky::new(size, &squared, None)?,
         laplacian,
     })

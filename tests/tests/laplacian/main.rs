@@ -1,6 +1,7 @@
 //! Marker-driven surfaces: the core against the `f64` oracle and against the known body.
 
 mod assets;
+mod dirty;
 mod retarget;
 mod rigs;
 mod tables;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use sinew_host::fit::laplace::drive::{DriveOptions, Retarget, drive};
-use sinew_host::fit::laplace::graph::Graph;
+use sinew_host::fit::laplace::suggest::spread;
 use sinew_host::fit::laplace::{Pair, Pairs, Surface, SurfaceOptions, Template};
 use sinew_host::model::Avatar;
 use sinew_host::reference;
@@ -56,11 +56,9 @@ fn feet_of_other_proportions_stand_still() {
     let scan = other(&body, 1.15, 0.9);
     assert!(height(&scan) > 1.04 * height(&body.mesh.positions));
     let template = Template::of_body(&body, &walk);
-    let graph = Graph::new(&scan, &body.mesh.triangles);
     let pairs = Pairs {
         reference: Some(0),
-        pairs: graph
-            .spread(&[0], 70)
+        pairs: spread(&scan, &body.mesh.triangles, 70)
             .into_iter()
             .map(|vertex| Pair {
                 point: vertex,

@@ -2,8 +2,10 @@
 
 use glam::{DQuat, DVec3};
 use sinew_host::fit::laplace::rotations::{by_neighbours, by_spanning_tree, nearest_markers};
+use sinew_host::fit::laplace::volume::losses;
 use sinew_host::fit::laplace::{
-    CollapseOptions, CollapseReport, MarkerTarget, SurfaceOptions, collapse, collapse_within,
+    CollapseOptions, CollapseReport, MarkerTarget, Surface, SurfaceOptions, collapse,
+    collapse_within,
 };
 use sinew_host::model::Clip;
 use sinew_host::reference;
@@ -35,17 +37,28 @@ fn body_table(markers: usize, clips: &[(&str, Clip)], scan: &Scan, frames: u32) 
                 .collect()
         })
         .collect();
-    let near = nearest_markers(&between, 6);
+    let near = nearest_markers(&between, 4);
+    let mesh = &scan.body.mesh;
+    let markers_of = scan.surface.markers.clone();
+    let options = SurfaceOptions::PAPER;
+    let paper = Surface::new(
+        mesh.positions.clone(),
+        &mesh.triangles,
+        markers_of,
+        &options,
+    );
+    let paper = paper.expect("factors");
     let (mut worst, mut all) = (0.0_f64, Vec::new());
     for (name, clip) in clips {
         let (mut own, mut fit, mut tree) = (Vec::new(), Vec::new(), Vec::new());
+        let mut by_area = 0.0;
         for (truth, targets) in sample(scan, clip, frames) {
             let oracle = reference::laplacian::positions(&scan.surface, &targets);
             let mut rig = ExactRig::new(&tables);
             rig.step(&poses(&targets));
             worst = worst.max(distances(&rig.vertices(), &oracle).max);
             let posed: Vec<DVec3> = targets.iter().map(|t| t.position).collect();
-            let with = |rotations: Vec<DQuat>| {
+            let with = |surface: &Surface, rotations: Vec<DQuat>| {
                 let targets = targets.iter().zip(rotations);
                 let targets: Vec<_> = targets
                     .map(|(target, rotation)| MarkerTarget {
@@ -53,29 +66,39 @@ fn body_table(markers: usize, clips: &[(&str, Clip)], scan: &Scan, frames: u32) 
                         ..*target
                     })
                     .collect();
-                reference::laplacian::positions(&scan.surface, &targets)
+                reference::laplacian::positions(surface, &targets)
             };
             let push = |to: &mut Vec<f64>, found: &[DVec3]| {
                 to.extend(truth.iter().zip(found).map(|(a, b)| a.distance(*b)));
             };
             push(&mut own, &oracle);
-            push(&mut fit, &with(by_neighbours(&rest, &posed, &near)));
-            push(
-                &mut tree,
-                &with(by_spanning_tree(&rest, &posed, &scan.surface.marker_edges)),
-            );
+            let mass = &scan.surface.laplacian.mass;
+            let weighed = truth.iter().zip(&oracle).zip(mass);
+            by_area += weighed
+                .map(|((a, b), mass)| mass * a.distance(*b))
+                .sum::<f64>()
+                / mass.iter().sum::<f64>();
+            let near = by_neighbours(&rest, &posed, &near);
+            push(&mut fit, &with(&scan.surface, near));
+            let along = by_spanning_tree(&rest, &posed, &scan.surface.marker_edges);
+            push(&mut tree, &with(&paper, along));
         }
         all.extend_from_slice(&own);
         show(
             &format!("{name}, {markers} markers, template's rotations"),
             &CollapseReport::new(own),
         );
+        println!(
+            "{:44} mean {:7.3} mm by area",
+            "",
+            1e3 * by_area / f64::from(frames)
+        );
         show(
-            &format!("{name}, {markers} markers, nearest six markers"),
+            &format!("{name}, {markers} markers, nearest four markers"),
             &CollapseReport::new(fit),
         );
         show(
-            &format!("{name}, {markers} markers, spanning tree"),
+            &format!("{name}, {markers} markers, the paper's"),
             &CollapseReport::new(tree),
         );
     }
@@ -213,4 +236,48 @@ fn tables_of_the_collapsed_mode() {
         );
         assert!(report.mean <= 0.5e-3 && report.percentile_99 <= 3e-3 && report.max <= 8e-3);
     }
+}
+
+#[test]
+#[ignore = "long: run in release with --ignored --nocapture"]
+fn volume_under_extreme_bends() {
+    let scan = Scan::new(bundled_body(), 50, &SurfaceOptions::default());
+    let mesh = &scan.body.mesh;
+    let kneel = fitted(&root().join("examples/data/kneel.bvh"), &scan.body);
+    let poses: Vec<_> = sample(&scan, &kneel, 60).into_iter().map(|x| x.1).collect();
+    let (fit, held_out): (Vec<_>, Vec<_>) = (0..).zip(poses).partition(|(k, _)| k % 20 < 15);
+    let only = |poses: Vec<(i32, Vec<MarkerTarget>)>| -> Vec<Vec<MarkerTarget>> {
+        poses.into_iter().map(|pose| pose.1).collect()
+    };
+    let (fit, held_out) = (only(fit), only(held_out));
+    let lost = |what: &str, shapes: Vec<Vec<DVec3>>| {
+        let losses = losses(&mesh.positions, &mesh.triangles, &shapes);
+        let mean = losses.iter().sum::<f64>() / losses.len() as f64;
+        let worst = losses.into_iter().fold(f64::MIN, f64::max);
+        println!(
+            "{what:30} loses {:5.2} % of its volume, {:5.2} % at worst",
+            1e2 * mean,
+            1e2 * worst
+        );
+        mean
+    };
+    let truth = sample(&scan, &kneel, 60).into_iter().map(|x| x.0);
+    lost("skinned body", truth.collect());
+    let exact =
+        |targets: &Vec<MarkerTarget>| reference::laplacian::positions(&scan.surface, targets);
+    let before = lost("exact", held_out.iter().map(exact).collect());
+    let mut after = before;
+    for keep_volume in [false, true] {
+        let options = CollapseOptions {
+            keep_volume,
+            ..CollapseOptions::default()
+        };
+        let tables = collapse(&scan.surface, &mesh.triangles, &[], &fit, &options).expect("fits");
+        let played = held_out
+            .iter()
+            .map(|targets| tables.positions(&scan.surface, targets));
+        let what = format!("collapsed, kept: {keep_volume}");
+        after = lost(&what, played.collect());
+    }
+    assert!(after.abs() < 0.5 * before.abs().max(2e-3));
 }

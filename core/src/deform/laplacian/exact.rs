@@ -5,10 +5,10 @@ use core::borrow::BorrowMut;
 use super::super::output::{Output, SizeError, VertexOrder, Writer};
 use super::LaplacianError;
 use super::exact_check;
-use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, marker_frame, position_of};
+use super::turns::{MarkerPose, TurnReport, TurnState, Turns, frame, position_of};
 use crate::Level;
 use crate::asset::Lanes3;
-use crate::math::{Affine12, transform_point, transform_vector};
+use crate::math::transform_vector;
 use crate::solve::sparse::{Factor, FactorParts, Row4};
 
 /// Tables of an exact deformer. Rows are places of the surface in the order of the factors; several
@@ -23,7 +23,7 @@ pub struct ExactParts<'a> {
     pub rest_normals: &'a [Lanes3],
     /// `[rows]`: rest position x y z in metres, and the inverse of the mass.
     pub rest: &'a [[f32; 4]],
-    /// `[rows]`: `L v` at rest; the fourth number is not used.
+    /// `[rows]`: `L v` at rest, and the weight of the guess, which is part of the factor too.
     pub differential: &'a [[f32; 4]],
     /// `[rows + 1]`: first neighbour of each row.
     pub starts: &'a [u32],
@@ -41,9 +41,9 @@ pub struct ExactParts<'a> {
     pub guide_markers: &'a [[u16; 4]],
     /// `[rows]`: their weights, which sum to one.
     pub guide_weights: &'a [[f32; 4]],
-    /// Factor of `L` with the markers' rows fixed.
+    /// Factor of `L` with the markers' rows fixed; edges conduct as [`LEAST_CONDUCTION`] says.
     pub harmonic: FactorParts<'a>,
-    /// Factor of `L' M^-1 L + stiffness A`.
+    /// Factor of `L' M^-1 L + stiffness A`, with the weights of the guess on its diagonal.
     pub bilaplacian: FactorParts<'a>,
 }
 
@@ -54,6 +54,10 @@ pub struct Exact<'a> {
     harmonic: Factor<'a>,
     bilaplacian: Factor<'a>,
 }
+
+/// Edges conduct rotations by their cotangent weight, but at least this much: across obtuse angles
+/// weights are negative, and rotations would leave the span of those around.
+pub const LEAST_CONDUCTION: f32 = 1e-6;
 
 /// Numbers of scratch that [`Exact::step`] needs for `rows` vertices.
 #[must_use]
@@ -189,20 +193,18 @@ impl<'a> Exact<'a> {
         };
         let mut report = turns.follow(poses, rest, self.parts.marker_edges);
         self.spread_rotations(&turns, turned, level);
-        self.guess(&turns, position);
+        self.guess(&turns, turned, position);
         if turns.is_far(self.parts.marker_edges) {
             turns.rebase(|_, row| turned.get(row).copied().unwrap_or_default());
             report.rebased = true;
         }
         self.turn_normals(turned, by_source, &mut to);
-        for (turned, differential) in turned.iter_mut().zip(self.parts.differential) {
-            let &[x, y, z, _] = differential;
-            let [x, y, z] = transform_vector(&frame(*turned, [0.0; 3]), [x, y, z]);
-            *turned = [x, y, z, 0.0];
-        }
-        for _ in 0..=refinements {
+        for refinement in 0..=refinements {
             self.residual(turned, position, residual);
             self.right_hand_side(&turns, residual, position, right);
+            if refinement > 0 {
+                self.pull(&turns, turned, position, right);
+            }
             self.bilaplacian.solve(right, level);
             for (position, change) in position.iter_mut().zip(&*right) {
                 *position = add(*position, *change);
@@ -243,8 +245,14 @@ impl<'a> Exact<'a> {
         for (marker, &row) in self.parts.marker_rows.iter().enumerate() {
             let turn = turns.since_base(marker);
             for (neighbour, weight) in self.edges(row as usize) {
+                // Not `max`: rules for signed zeros differ between targets.
+                let conducts = if weight > LEAST_CONDUCTION {
+                    weight
+                } else {
+                    LEAST_CONDUCTION
+                };
                 if let Some(to) = rotation.get_mut(neighbour) {
-                    *to = add(*to, scale(turn, weight));
+                    *to = add(*to, scale(turn, conducts));
                 }
             }
         }
@@ -259,18 +267,38 @@ impl<'a> Exact<'a> {
         }
     }
 
-    /// Positions by blending rigid motions of four markers. Solving for the difference to them
-    /// keeps the numbers small, and with them the rounding.
-    fn guess(&self, turns: &Turns<'_>, position: &mut [Row4]) {
+    /// Positions from four markers. Solving for the difference to them keeps the numbers small,
+    /// and with them the rounding.
+    fn guess(&self, turns: &Turns<'_>, rotation: &[Row4], position: &mut [Row4]) {
+        for (to, guess) in position.iter_mut().zip(self.guesses(turns, rotation)) {
+            *to = guess;
+        }
+    }
+
+    /// `right += pull (guess - v)`; nothing where `v` is the guess.
+    fn pull(&self, turns: &Turns<'_>, rotation: &[Row4], position: &[Row4], right: &mut [Row4]) {
+        let guesses = self.guesses(turns, rotation);
+        let weights = self.parts.differential.iter().zip(guesses);
+        for ((to, &at), (&[.., weight], guess)) in right.iter_mut().zip(position).zip(weights) {
+            *to = add(*to, scale(sub(guess, at), weight));
+        }
+    }
+
+    /// The mean place of a row's markers, and from there the row's own rotation: nothing collapses
+    /// where markers turn against each other.
+    fn guesses<'t>(
+        &'t self,
+        turns: &'t Turns<'_>,
+        rotation: &'t [Row4],
+    ) -> impl Iterator<Item = Row4> + use<'t, 'a> {
         let guides = self
             .parts
             .guide_markers
             .iter()
             .zip(self.parts.guide_weights);
-        for ((to, &[x, y, z, _]), (markers, weights)) in
-            position.iter_mut().zip(self.parts.rest).zip(guides)
-        {
-            let mut sum = [0.0; 4];
+        let rows = self.parts.rest.iter().zip(rotation).zip(guides);
+        rows.map(|((&[x, y, z, _], &turn), (markers, weights))| {
+            let (mut from, mut to) = ([0.0; 4], [0.0; 4]);
             for (&marker, &weight) in markers.iter().zip(weights) {
                 let (Some(held), Some(&row)) = (
                     turns.markers.get(usize::from(marker)),
@@ -279,25 +307,25 @@ impl<'a> Exact<'a> {
                     continue;
                 };
                 let rest = self.parts.rest.get(row as usize).copied();
-                let [a, b, c, _] = rest.unwrap_or_default();
-                let matrix: Affine12 = marker_frame(held);
-                let [x, y, z] = transform_point(&matrix, [x - a, y - b, z - c]);
-                sum = add(sum, scale([x, y, z, 0.0], weight));
+                from = add(from, scale(rest.unwrap_or_default(), weight));
+                let [x, y, z] = position_of(held);
+                to = add(to, scale([x, y, z, 0.0], weight));
             }
-            *to = sum;
-        }
+            let [x, y, z, _] = sub([x, y, z, 0.0], from);
+            let [x, y, z] = transform_vector(&frame(turn, [0.0; 3]), [x, y, z]);
+            add(to, [x, y, z, 0.0])
+        })
     }
 
     /// `M^-1 (R d - L v)`, `[rows]`.
-    fn residual(&self, turned: &[Row4], position: &[Row4], residual: &mut [Row4]) {
-        for (row, ((to, &turned), rest)) in residual
-            .iter_mut()
-            .zip(turned)
-            .zip(self.parts.rest)
-            .enumerate()
+    fn residual(&self, rotation: &[Row4], position: &[Row4], residual: &mut [Row4]) {
+        let rest = self.parts.rest.iter().zip(self.parts.differential);
+        for (row, ((to, &turn), (&[.., inverse_mass], &[x, y, z, _]))) in
+            residual.iter_mut().zip(rotation).zip(rest).enumerate()
         {
-            let &[_, _, _, inverse_mass] = rest;
-            *to = scale(sub(turned, self.laplacian(row, position)), inverse_mass);
+            let [x, y, z] = transform_vector(&frame(turn, [0.0; 3]), [x, y, z]);
+            let missing = sub([x, y, z, 0.0], self.laplacian(row, position));
+            *to = scale(missing, inverse_mass);
         }
     }
 

@@ -19,6 +19,6 @@ mod turns;
 
 pub use collapsed::{Collapsed, CollapsedParts};
 pub use error::{LaplacianError, Table};
-pub use exact::{Exact, ExactParts, exact_workspace_len};
+pub use exact::{Exact, ExactParts, LEAST_CONDUCTION, exact_workspace_len};
 pub(crate) use turns::TurnStage;
 pub use turns::{MarkerPose, TurnReport, TurnState, turn_state_len};

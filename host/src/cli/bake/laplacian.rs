@@ -1,5 +1,6 @@
 //! `sinew bake --mode laplacian`: a scan and what it is to follow into an asset, without a skeleton.
 
+mod follow;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -14,15 +15,16 @@ use super::super::verify::{measure, to_json as error_json};
 use super::super::{Failure, cost};
 use super::{tell, to_json, write};
 use crate::bake::{BakeOptions, bake_rig};
-use crate::clean::fill::{FillOptions, fill};
 use crate::export::png::write_png;
 use crate::export::write_atomic;
-use crate::fit::laplace::align::{Alignment, align, best_frame};
+use crate::fit::laplace::align::{Alignment, Similarity, align, best_frame};
 use crate::fit::laplace::drive::{Retarget, Rotations};
 use crate::fit::laplace::picture::marker_sheet;
 use crate::fit::laplace::repair::{RepairOptions, Repaired, repair};
 use crate::fit::laplace::rig::{Rig, RigOptions, Solve, rig};
-use crate::fit::laplace::{DriveOptions, Driven, LaplaceError, Pairs, Template, drive};
+use crate::fit::laplace::{
+    DriveOptions, Driven, LaplaceError, Pairs, SurfaceOptions, Template, drive,
+};
 use crate::model::{Mesh, Notice};
 use crate::verify::{BAKE_LIMIT, limit_of};
 use report::{rig_json, tell_drive, tell_rig};
@@ -90,7 +92,7 @@ enum Source {
     Template,
     /// The markers around that keep their distance.
     Neighbours,
-    /// The edges of a spanning tree: the paper's way.
+    /// The edges of a spanning tree, and the paper's equations throughout.
     Tree,
 }
 
@@ -206,99 +208,6 @@ impl Laplacian {
         })
     }
 
-    /// The template and the file it came from.
-    fn template(
-        &self,
-        (markers, motion): (Option<&PathBuf>, &[PathBuf]),
-        reading: Reading,
-        say: &Say,
-    ) -> Result<(PathBuf, Template), Failure> {
-        let given = markers.or(self.template.as_ref());
-        let path = match (given, motion) {
-            (Some(path), []) => path,
-            (None, [path]) => path,
-            _ => {
-                let text = "--mode laplacian needs one of --markers TAKE, --template FILE and \
-                            --motion FILE.bvh: what the scan is to follow";
-                return Err(Failure::Usage(text.into()));
-            }
-        };
-        let at = |error: LaplaceError| fault(path, &error);
-        if path.is_dir() {
-            return Ok((path.clone(), self.sequence(path, reading, say)?));
-        }
-        let (loaded, notices) = load::any(path, reading)?;
-        say.notices(&path.display().to_string(), &notices);
-        let template = match loaded {
-            Loaded::Motion(motion) => Template::of_motion(&motion),
-            Loaded::Avatar(body) => {
-                let still = crate::model::Clip::default();
-                Template::of_body(&body, body.clips.first().unwrap_or(&still))
-            }
-            Loaded::Take(take) => {
-                let missing = take.missing_fraction();
-                let bar = say.progress("fill", take.marker_count());
-                let filled = fill(&take, &FillOptions::default(), &|| bar.inc(1));
-                bar.finish_and_clear();
-                let (take, dropped) = complete(&filled.take).map_err(|e| fault(path, &e))?;
-                if missing > 0.0 {
-                    let name = path.display();
-                    say.line(format!(
-                        "note: {name}: {:.1} % of samples filled",
-                        1e2 * missing
-                    ));
-                }
-                if !dropped.is_empty() {
-                    let names = dropped.join(", ");
-                    say.line(format!(
-                        "note: {}: markers with gaps that cannot be filled are left out: {names}",
-                        path.display()
-                    ));
-                }
-                Template::of_take(&take).map_err(at)?
-            }
-            Loaded::Mesh(_) | Loaded::Asset(_) => {
-                let text = "a template moves; give a .bvh, a .glb with a clip, a marker capture, or \
-                            a folder of meshes";
-                return Err(Failure::Usage(format!("{}: {text}", path.display())));
-            }
-        };
-        Ok((path.clone(), template))
-    }
-
-    /// A mesh or point cloud a frame, by file name.
-    fn sequence(&self, folder: &Path, reading: Reading, say: &Say) -> Result<Template, Failure> {
-        let entries = std::fs::read_dir(folder).map_err(|error| fault(folder, &error))?;
-        let mut files: Vec<PathBuf> = entries
-            .filter_map(|entry| Some(entry.ok()?.path()))
-            .filter(|path| path.extension().is_some_and(|e| e == "ply" || e == "obj"))
-            .collect();
-        files.sort();
-        let bar = say.progress("reading", files.len());
-        let (mut frames, mut triangles) = (Vec::new(), Vec::new());
-        for path in &files {
-            let (points, corners) = load::frame(path, reading)?;
-            let first = frames.first().map_or(points.len(), Vec::len);
-            if points.len() != first {
-                let text = format!(
-                    "{}: {} points, where the first frame has {first}; export all with one \
-                     connectivity",
-                    path.display(),
-                    points.len()
-                );
-                return Err(Failure::Data(text));
-            }
-            if frames.is_empty() {
-                triangles = corners;
-            }
-            frames.push(points);
-            bar.inc(1);
-        }
-        bar.finish_and_clear();
-        Template::of_frames(frames, triangles, Vec::new(), self.template_rate)
-            .map_err(|error| fault(folder, &error))
-    }
-
     /// Pairs in the numbers of the scan's file.
     fn pairs(
         &self,
@@ -328,8 +237,13 @@ impl Laplacian {
         };
         let (frame, alignment) = found.map_err(|error| fault(path, &error))?;
         let (similarity, residual) = (&alignment.similarity, 1e3 * alignment.residual);
+        let stance = if template.motion().contains(&frame) {
+            ""
+        } else {
+            " (no frame of the motion: a pose that people are scanned in)"
+        };
         say.line(format!(
-            "aligned to frame {frame}: size x {:.3}, {residual:.1} mm from the scan; fits {:.2} x as \
+            "aligned to frame {frame}{stance}: size x {:.3}, {residual:.1} mm from the scan; fits {:.2} x as \
              well as the next direction",
             similarity.scale, alignment.lead
         ));
@@ -339,6 +253,9 @@ impl Laplacian {
         let count = usize::from(self.marker_count);
         let surface = (&places[..], &repaired.triangles[..]);
         let mut pairs = Pairs::propose(template, frame, similarity, surface, count);
+        if !template.has_rotations() {
+            tell_far(template, &pairs, similarity, places, say);
+        }
         for pair in &mut pairs.pairs {
             pair.vertex = repaired.source_of[pair.vertex as usize];
         }
@@ -378,6 +295,11 @@ impl Laplacian {
             } else {
                 Solve::Collapsed { tolerance }
             },
+            surface: if self.rotations == Source::Tree {
+                SurfaceOptions::PAPER
+            } else {
+                SurfaceOptions::default()
+            },
             attach: self.attach,
             keep_volume: self.keep_volume,
         };
@@ -386,19 +308,38 @@ impl Laplacian {
     }
 }
 
-/// The markers that are seen in every frame, and the names of the others.
-fn complete(
-    take: &crate::take::Take,
-) -> Result<(crate::take::Take, Vec<String>), crate::take::TakeError> {
-    let (mut labels, mut dropped, mut paths): (Vec<String>, Vec<String>, Vec<DVec3>) =
-        (Vec::new(), Vec::new(), Vec::new());
-    for (marker, label) in take.labels().iter().enumerate() {
-        if take.missing_count(marker) == 0 {
-            labels.push(label.clone());
-            paths.extend_from_slice(take.trajectory(marker));
-        } else {
-            dropped.push(label.clone());
-        }
+/// Names markers that are far from the scan: the take does not show the scan's pose there.
+fn tell_far(
+    template: &Template,
+    pairs: &Pairs,
+    alignment: &Similarity,
+    places: &[DVec3],
+    say: &Say,
+) {
+    /// Metres; markers stand off the skin by less.
+    const FAR: f64 = 0.06;
+    let points = template.positions(&pairs.points(), pairs.reference.unwrap_or(0));
+    let distance =
+        |(point, vertex): (&DVec3, u32)| alignment.apply(*point).distance(places[vertex as usize]);
+    let far: Vec<String> = points
+        .iter()
+        .zip(pairs.vertices())
+        .map(distance)
+        .zip(pairs.points())
+        .filter(|(distance, _)| *distance > FAR)
+        .map(|(distance, point)| {
+            let label = &template.labels[point as usize];
+            format!("{label} ({:.0} mm)", 1e3 * distance)
+        })
+        .collect();
+    if !far.is_empty() {
+        say.line(format!(
+            "note: {} of {} markers are far from the scan where the take is most like it, so the \
+             take does not show its pose: {}; give --pairs, or make a skeleton of the take (sinew \
+             solve) and give that as --template",
+            far.len(),
+            points.len(),
+            far.join(", ")
+        ));
     }
-    Ok((take.with_trajectories(labels, paths)?, dropped))
 }

@@ -140,8 +140,10 @@ const FRAMES: usize = 16;
 /// As [`align`].
 pub fn best_frame(template: &Template, scan: &[DVec3]) -> Result<(usize, Alignment), LaplaceError> {
     let all: Vec<u32> = (0..template.point_count() as u32).collect();
-    let step = template.frame_count().div_ceil(FRAMES).max(1);
-    let frames: Vec<usize> = (0..template.frame_count()).step_by(step).collect();
+    let motion = template.motion();
+    let step = motion.len().div_ceil(FRAMES).max(1);
+    let (before, behind) = (0..motion.start, motion.end..template.frame_count());
+    let frames = before.chain(motion.step_by(step)).chain(behind);
     let mut best: Option<(usize, Alignment)> = None;
     for frame in frames {
         let found = align(&template.positions(&all, frame), scan, None)?;

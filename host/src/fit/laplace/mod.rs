@@ -18,7 +18,7 @@ pub mod repair;
 pub mod rig;
 pub mod rotations;
 pub mod suggest;
-mod surface;
+pub(crate) mod surface;
 pub mod template;
 pub mod volume;
 

@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
+use sinew_core::deform::laplacian::LEAST_CONDUCTION;
 
 /// Edge lengths are grown by this part of their mean before angles are taken, which gives
 /// degenerate triangles cotangents of at most about twenty, so that 32-bit solves bear slivers, and
@@ -137,17 +138,49 @@ impl Laplacian {
     /// one. Positive definite where every component has a fixed vertex.
     #[must_use]
     pub fn harmonic(&self, fixed: &[bool]) -> Vec<(u32, u32, f64)> {
+        self.fixed(fixed, |_, (_, weight)| weight)
+    }
+
+    /// How well an edge of this weight conducts rotations: as the core has it.
+    #[must_use]
+    pub fn conducts(weight: f64) -> f64 {
+        weight.max(f64::from(LEAST_CONDUCTION))
+    }
+
+    /// The same by [`Self::conducts`] instead of weights, multiplied by the geometric mean of
+    /// `conduction` `[vertices]` at both ends, but for edges of fixed vertices.
+    #[must_use]
+    pub fn conducting(&self, fixed: &[bool], conduction: &[f64]) -> Vec<(u32, u32, f64)> {
+        self.fixed(fixed, |vertex, (to, weight)| {
+            let both = if fixed[to] {
+                1.0
+            } else {
+                (conduction[vertex] * conduction[to]).sqrt()
+            };
+            Self::conducts(weight) * both
+        })
+    }
+
+    fn fixed(
+        &self,
+        fixed: &[bool],
+        conducted: impl Fn(usize, (usize, f64)) -> f64,
+    ) -> Vec<(u32, u32, f64)> {
         let mut entries = Vec::new();
         for vertex in 0..self.size() {
             if fixed[vertex] {
                 entries.push((vertex as u32, vertex as u32, 1.0));
                 continue;
             }
-            let lower = self
-                .row(vertex)
-                .filter(|&(to, _)| to < vertex && !fixed[to]);
-            entries.extend(lower.map(|(to, weight)| (vertex as u32, to as u32, -weight)));
-            entries.push((vertex as u32, vertex as u32, self.diagonal(vertex)));
+            let mut diagonal = 0.0;
+            for edge in self.row(vertex) {
+                let (to, weight) = (edge.0, conducted(vertex, edge));
+                diagonal += weight;
+                if to < vertex && !fixed[to] {
+                    entries.push((vertex as u32, to as u32, -weight));
+                }
+            }
+            entries.push((vertex as u32, vertex as u32, diagonal));
         }
         entries
     }

@@ -22,6 +22,7 @@ use super::LaplaceError;
 use super::align::Similarity;
 use super::graph::Graph;
 use super::nearest::Nearest;
+use super::suggest::density;
 use super::template::Template;
 
 /// A t-marker and its v-marker.
@@ -254,18 +255,22 @@ fn split_label(line: &str) -> Option<(String, &str)> {
     }
 }
 
-/// Those `count` of `pairs` that are farthest apart on the scan.
+/// Those `count` of `pairs` that are farthest apart on the scan, twice as dense on its feet.
 fn farthest(
     (positions, triangles): (&[DVec3], &[[u32; 3]]),
     pairs: Vec<Pair>,
     count: usize,
 ) -> Vec<Pair> {
     let graph = Graph::new(positions, triangles);
+    let density = density(positions);
     let mut open = pairs;
     let mut chosen = vec![open.swap_remove(0)];
     let mut distances = graph.distances(&[chosen[0].vertex]);
     while chosen.len() < count && !open.is_empty() {
-        let distance = |at: usize| distances[open[at].vertex as usize];
+        let distance = |at: usize| {
+            let vertex = open[at].vertex as usize;
+            distances[vertex] * density[vertex]
+        };
         let far = (0..open.len()).max_by(|&a, &b| distance(a).total_cmp(&distance(b)));
         let pair = open.swap_remove(far.unwrap_or(0));
         for (old, new) in distances.iter_mut().zip(graph.distances(&[pair.vertex])) {

@@ -38,6 +38,8 @@ pub enum Solve {
 pub struct RigOptions {
     /// What to compute in a frame.
     pub solve: Solve,
+    /// How the surface follows.
+    pub surface: SurfaceOptions,
     /// Let components without a marker follow the nearest one that has some.
     pub attach: bool,
     /// Fit to poses that keep their volume; for collapsed surfaces.
@@ -49,6 +51,7 @@ impl Default for RigOptions {
         let solve = Solve::Collapsed { tolerance: 3e-3 };
         Self {
             solve,
+            surface: SurfaceOptions::default(),
             attach: false,
             keep_volume: false,
         }
@@ -120,8 +123,7 @@ pub fn rig(
             parents.push(Some(parent));
         }
     }
-    let surface_options = SurfaceOptions::default();
-    let surface = Surface::new(places.clone(), triangles, markers, &surface_options)?;
+    let surface = Surface::new(places.clone(), triangles, markers, &options.surface)?;
     let poses: Vec<Vec<MarkerTarget>> = driven
         .poses
         .iter()
@@ -296,13 +298,13 @@ fn coarse_skin(surface: &Surface, vertex_of: &[u32]) -> Skin {
         inverse_bind: DAffine3::from_translation(-place),
     };
     let influences = vertex_of.iter().map(|&vertex| {
-        let (markers, weights) = surface.guide(vertex as usize);
+        let (markers, weights) = surface.guides[vertex as usize];
         let pairs = markers
             .into_iter()
             .zip(weights)
             .filter(|&(_, weight)| weight > 1e-4);
         let mut pairs: Vec<(u32, f64)> = pairs
-            .map(|(marker, weight)| (u32::from(marker), f64::from(weight)))
+            .map(|(marker, weight)| (u32::from(marker), weight))
             .collect();
         let sum: f64 = pairs.iter().map(|pair| pair.1).sum();
         pairs.iter_mut().for_each(|pair| pair.1 /= sum);

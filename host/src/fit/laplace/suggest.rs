@@ -7,6 +7,50 @@ use super::rotations::{MarkerTarget, fit_rotation};
 use super::{LaplaceError, Surface, SurfaceOptions};
 use crate::reference::laplacian;
 
+/// Height of feet above the lowest point, in parts of the whole height.
+const FEET: f64 = 0.06;
+
+/// How dense markers should stand at each vertex: twice as dense on feet, which the floor judges.
+/// `[vertices]`. O(vertices)
+#[must_use]
+pub fn density(positions: &[DVec3]) -> Vec<f32> {
+    let heights = positions.iter().map(|p| p.y);
+    let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), y| {
+        (low.min(y), high.max(y))
+    });
+    let on_feet = |p: &DVec3| p.y - low < FEET * (high - low);
+    let density = positions.iter().map(|p| if on_feet(p) { 2.0 } else { 1.0 });
+    density.collect()
+}
+
+/// Vertices for `count` markers where nothing is known of the motion: spread evenly, but for
+/// [`density`]. Fewer where there are not as many vertices.
+/// O(count edges log vertices) at worst
+#[must_use]
+pub fn spread(positions: &[DVec3], triangles: &[[u32; 3]], count: usize) -> Vec<u32> {
+    let graph = Graph::new(positions, triangles);
+    let density = density(positions);
+    let first = (0..positions.len() as u32).find(|&v| !graph.row(v).is_empty());
+    let Some(first) = first else {
+        return Vec::new();
+    };
+    // The first choice is as far as possible from an arbitrary vertex, which is none itself.
+    let mut distances = graph.distances(&[first]);
+    let mut chosen = Vec::new();
+    while chosen.len() < count {
+        let reach = |vertex: usize| distances[vertex] * density[vertex];
+        let far = (0..distances.len()).filter(|&v| !graph.row(v as u32).is_empty());
+        let far = far.max_by(|&a, &b| reach(a).total_cmp(&reach(b)).then(b.cmp(&a)));
+        let Some(far) = far.filter(|&vertex| distances[vertex] > 0.0) else {
+            break;
+        };
+        chosen.push(far as u32);
+        distances[far] = 0.0;
+        graph.relax(&mut distances, std::iter::once(far as u32), |_, _| {});
+    }
+    chosen
+}
+
 /// Vertices for `count` markers on a surface whose shape in some poses is known: half of them
 /// spread evenly, then round by round where the surface driven by those so far is farthest off.
 ///

@@ -15,11 +15,27 @@ pub struct SurfaceOptions {
     /// Weight of marker positions, as a part of the system's mean diagonal. Larger values pull
     /// harder, up to a dimple at the marker.
     pub stiffness: f64,
+    /// How strongly each marker holds what surrounds it, against bending over the distance to the
+    /// next marker: rotations then change half-way between markers, and the rigid motion of the
+    /// marker around pulls at places. 0 leaves the paper's equations, where a harmonic field has a
+    /// spike at each marker and changes everywhere else.
+    pub hold: f64,
+}
+
+impl SurfaceOptions {
+    /// The equations of the paper.
+    pub const PAPER: Self = Self {
+        stiffness: 0.1,
+        hold: 0.0,
+    };
 }
 
 impl Default for SurfaceOptions {
     fn default() -> Self {
-        Self { stiffness: 0.1 }
+        Self {
+            hold: 100.0,
+            ..Self::PAPER
+        }
     }
 }
 
@@ -38,13 +54,18 @@ pub struct Surface {
     /// `[markers x vertices]`: distance of each vertex from each marker along edges, metres;
     /// infinite across components.
     pub distances: Vec<Vec<f32>>,
-    /// `[markers x vertices]`: harmonic weights, which sum to one at each vertex.
+    /// `[markers x vertices]`: shares of the markers in rotations, which sum to one at each vertex.
     pub weights: Vec<Vec<f64>>,
     /// Weight of a marker's position.
     pub stiffness: f64,
-    /// `L` with the markers fixed.
+    /// `[vertices]`: the four markers with the largest share in each and their weights, which sum to
+    /// one: the vertex is about where its rotation puts it from their mean place.
+    pub guides: Vec<([u16; 4], [f64; 4])>,
+    /// `[vertices]`: weight of that guess.
+    pub pull: Vec<f64>,
+    /// `L` with the markers fixed, conducting best where one marker rules.
     pub harmonic: Cholesky,
-    /// `L' M^-1 L + stiffness A` (equation 2, mass-weighted).
+    /// `L' M^-1 L + stiffness A + pull` (equation 2, mass-weighted).
     pub bilaplacian: Cholesky,
 }
 
@@ -77,22 +98,35 @@ impl Surface {
         }
         let laplacian = Laplacian::new(&positions, triangles);
         let size = positions.len();
+        let even = rotation_system(&laplacian, &vec![0.0; size], &markers, None)?;
+        let mut weights = harmonic_weights(&laplacian, &even, &markers);
+        let distances: Vec<_> = markers.iter().map(|&v| graph.distances(&[v])).collect();
+        // Bending over the distance between markers weighs (markers / vertices)^2.
+        let density = (markers.len() as f64 / size as f64).powi(2);
+        let pull: Vec<f64> = rule(&weights, &distances, &markers)
+            .iter()
+            .zip(&laplacian.mass)
+            .map(|(rule, mass)| options.hold * density * mass * rule)
+            .collect();
+        if options.hold > 0.0 {
+            let held = rotation_system(&laplacian, &pull, &markers, Some(&even.order()))?;
+            weights = harmonic_weights(&laplacian, &held, &markers);
+        }
+        drop(even);
         let mut squared = laplacian.squared();
         let diagonal = squared.iter().filter(|entry| entry.0 == entry.1);
         let mean = diagonal.map(|entry| entry.2).sum::<f64>() / size as f64;
         let stiffness = options.stiffness * mean;
-        for entry in &mut squared {
-            if entry.0 == entry.1 && marked[entry.0 as usize] {
-                entry.2 += stiffness;
-            }
+        for entry in squared.iter_mut().filter(|entry| entry.0 == entry.1) {
+            let vertex = entry.0 as usize;
+            entry.2 += pull[vertex] + if marked[vertex] { stiffness } else { 0.0 };
         }
         let bilaplacian = Cholesky::new(size, &squared, None)?;
         drop(squared);
         // The harmonic system's pattern lies inside the other one's, so one order serves both.
         let order = bilaplacian.order();
-        let harmonic = Cholesky::new(size, &laplacian.harmonic(&marked), Some(&order))?;
-        let weights = harmonic_weights(&laplacian, &harmonic, &markers);
-        let distances: Vec<_> = markers.iter().map(|&v| graph.distances(&[v])).collect();
+        let harmonic = rotation_system(&laplacian, &pull, &markers, Some(&order))?;
+        let guides = (0..size).map(|vertex| guide(&weights, vertex)).collect();
         let marker_edges = spanning_tree(&markers, &distances, &positions);
         Ok(Self {
             positions,
@@ -102,6 +136,8 @@ impl Surface {
             distances,
             weights,
             stiffness,
+            guides,
+            pull,
             harmonic,
             bilaplacian,
         })
@@ -137,7 +173,7 @@ impl Surface {
                 .collect(),
             differential: order
                 .iter()
-                .map(|&v| row4(differential[v as usize], 0.0))
+                .map(|&v| row4(differential[v as usize], self.pull[v as usize]))
                 .collect(),
             starts: vec![0],
             lane_rows: row_of.clone(),
@@ -154,29 +190,14 @@ impl Surface {
                 tables.weights.push(weight as f32);
             }
             tables.starts.push(tables.neighbours.len() as u32);
-            let (markers, weights) = self.guide(vertex as usize);
+            let (markers, weights) = self.guides[vertex as usize];
             tables.guide_markers.push(markers);
-            tables.guide_weights.push(weights);
+            tables
+                .guide_weights
+                .push(weights.map(|weight| weight as f32));
         }
         tables.order = (0..order.len() as u32).collect();
         Ok(tables)
-    }
-
-    /// The four heaviest markers of a vertex and their weights, which sum to one.
-    pub(super) fn guide(&self, vertex: usize) -> ([u16; 4], [f32; 4]) {
-        let mut heaviest: Vec<(f64, u16)> = self
-            .weights
-            .iter()
-            .zip(0_u16..)
-            .map(|(weights, marker)| (weights[vertex].max(0.0), marker))
-            .collect();
-        heaviest.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let sum: f64 = heaviest.iter().take(4).map(|&(weight, _)| weight).sum();
-        let at = |k: usize| heaviest.get(k).copied().unwrap_or_default();
-        (
-            [0, 1, 2, 3].map(|k| at(k).1),
-            [0, 1, 2, 3].map(|k| (at(k).0 / sum.max(1e-9)) as f32),
-        )
     }
 }
 
@@ -291,12 +312,92 @@ pub(super) fn component(vertices: &[u32], positions: &[DVec3]) -> Component {
     }
 }
 
+/// The system of rotations: `L` with the markers fixed. Rotations are conducted well at markers,
+/// worst half-way between them; how well follows from `pull`, which falls off as [`rule`]. O(fill)
+///
+/// # Errors
+/// As [`Cholesky::new`].
+pub(crate) fn rotation_system(
+    laplacian: &Laplacian,
+    pull: &[f64],
+    markers: &[u32],
+    order: Option<&[u32]>,
+) -> Result<Cholesky, LaplaceError> {
+    /// For a system that 32-bit numbers solve.
+    const LEAST: f64 = 1e-5;
+    let size = laplacian.size();
+    let mut marked = vec![false; size];
+    markers.iter().for_each(|&v| marked[v as usize] = true);
+    let held = |vertex: usize| pull[vertex] / laplacian.mass[vertex];
+    let at_marker = markers.first().map_or(0.0, |&marker| held(marker as usize));
+    let conduction: Vec<f64> = if at_marker > 0.0 {
+        (0..size)
+            .map(|vertex| (held(vertex) / at_marker).powi(6).max(LEAST))
+            .collect()
+    } else {
+        vec![1.0; size]
+    };
+    Cholesky::new(size, &laplacian.conducting(&marked, &conduction), order)
+}
+
+/// How much a vertex belongs to one side: `sum_kl h_k h_l (1 - d_kl / (d_k + d_l))` over its
+/// strongest markers, with shares `h` and distances along the surface. 1 at a marker, and less the
+/// more the vertex lies between markers; several markers on one side count as one. `[vertices]`
+fn rule(weights: &[Vec<f64>], distances: &[Vec<f32>], markers: &[u32]) -> Vec<f64> {
+    /// Markers that count.
+    const STRONGEST: usize = 8;
+    let near = |vertex: usize| -> Vec<(f64, usize)> {
+        let shares = weights.iter().map(|row| row[vertex].max(0.0));
+        let mut shares: Vec<(f64, usize)> = shares.zip(0..).collect();
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        shares.truncate(STRONGEST);
+        shares
+    };
+    let rule = |vertex: usize| {
+        let near = near(vertex);
+        let total: f64 = near.iter().map(|near| near.0).sum();
+        let mut sum = 0.0;
+        for &(share, marker) in &near {
+            for &(other_share, other) in &near {
+                let way = distances[marker][vertex] + distances[other][vertex];
+                let apart = distances[marker][markers[other] as usize];
+                let alike = if way > 0.0 && marker != other {
+                    f64::from(1.0 - apart / way).max(0.0)
+                } else {
+                    1.0
+                };
+                sum += share * other_share * alike;
+            }
+        }
+        (sum / (total * total).max(1e-18)).clamp(0.0, 1.0)
+    };
+    let count = weights.first().map_or(0, Vec::len);
+    (0..count).map(rule).collect()
+}
+
+/// The four markers with the largest share in a vertex, by the squares of their shares.
+fn guide(weights: &[Vec<f64>], vertex: usize) -> ([u16; 4], [f64; 4]) {
+    let mut heaviest: Vec<(f64, u16)> = weights
+        .iter()
+        .zip(0_u16..)
+        .map(|(weights, marker)| (weights[vertex].max(0.0), marker))
+        .collect();
+    heaviest.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let at = |k: usize| heaviest.get(k).copied().unwrap_or_default();
+    let squares = [0, 1, 2, 3].map(|k| at(k).0 * at(k).0);
+    let sum: f64 = squares.iter().sum();
+    (
+        [0, 1, 2, 3].map(|k| at(k).1),
+        squares.map(|square| square / sum.max(1e-18)),
+    )
+}
+
 /// `L h_k = 0` with one at marker k and zero at the others (Zayer et al. 2005).
 fn harmonic_weights(laplacian: &Laplacian, harmonic: &Cholesky, markers: &[u32]) -> Vec<Vec<f64>> {
     let mut columns = vec![0.0; markers.len() * laplacian.size()];
     for (column, &vertex) in columns.chunks_mut(laplacian.size()).zip(markers) {
         for (neighbour, weight) in laplacian.row(vertex as usize) {
-            column[neighbour] = weight;
+            column[neighbour] = Laplacian::conducts(weight);
         }
         for &other in markers {
             column[other as usize] = 0.0;

@@ -82,7 +82,7 @@ pub struct DriveReport {
 const PROPORTIONS: f64 = 0.04;
 
 /// Markers around one that say how it turns.
-const AROUND: usize = 6;
+const AROUND: usize = 4;
 
 /// Frames that say which markers move together.
 const SAMPLES: usize = 200;
@@ -121,7 +121,7 @@ pub fn drive(
         Retarget::Never => false,
         Retarget::Auto => misfit > PROPORTIONS || (similarity.scale - 1.0).abs() > PROPORTIONS,
     };
-    let frames = template.first_frame()..template.frame_count();
+    let frames = template.motion();
     let paths: Vec<Vec<DVec3>> = frames
         .clone()
         .map(|frame| {
@@ -214,7 +214,7 @@ impl Start {
     /// Sizes are compared by the mean distances of neighbours over the motion.
     fn on_the_scan(template: &Template, points: &[u32], rest: &[DVec3]) -> Self {
         let edges = carry::spanning_tree(rest);
-        let frames = template.first_frame()..template.frame_count();
+        let frames = template.motion();
         let step = frames.len().div_ceil(SAMPLES).max(1);
         let mut lengths = vec![0.0; edges.len()];
         let mut count = 0.0;
@@ -286,7 +286,7 @@ fn rotations(
     {
         let to = start.similarity.rotation;
         let from = to.inverse();
-        let frames = template.first_frame()..template.frame_count();
+        let frames = template.motion();
         let turn = |frame| {
             let turns = template.rotations(points, from_frame, frame);
             let turns = turns.unwrap_or_else(|| vec![DQuat::IDENTITY; points.len()]);

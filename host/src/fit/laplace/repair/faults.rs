@@ -38,6 +38,17 @@ pub(super) fn remove_faulty(
         }
         kept.push([a, b, c]);
     }
+    kept
+}
+
+/// Counts edges with one triangle, and the loops they form.
+pub(super) fn count_holes(triangles: &[[u32; 3]], report: &mut RepairReport) {
+    let mut edges: HashMap<(u32, u32), u32> = HashMap::new();
+    for &[a, b, c] in triangles {
+        for (a, b) in [(a, b), (b, c), (c, a)] {
+            *edges.entry((a.min(b), a.max(b))).or_default() += 1;
+        }
+    }
     let boundary: Vec<(u32, u32)> = edges
         .into_iter()
         .filter(|&(_, count)| count == 1)
@@ -45,7 +56,6 @@ pub(super) fn remove_faulty(
         .collect();
     report.boundary_edges = boundary.len();
     report.holes = loops(&boundary);
-    kept
 }
 
 /// Connected sets of edges.

@@ -15,7 +15,7 @@ use super::graph::Graph;
 use super::surface::component;
 use super::{Component, LaplaceError};
 pub use attach::attachments;
-use faults::remove_faulty;
+use faults::{count_holes, remove_faulty};
 use weld::weld;
 
 /// What to do with a mesh.
@@ -139,6 +139,7 @@ pub fn repair(
         options.smallest_component,
         &mut report,
     );
+    count_holes(&kept, &mut report);
     if kept.is_empty() {
         return Err(LaplaceError::NoSurface);
     }

@@ -34,7 +34,7 @@ fn each_fault_is_repaired_and_counted() {
         (report.collapsed_triangles, report.duplicate_triangles),
         (1, 1)
     );
-    assert_eq!((report.dust, report.holes), ((1, 3), 2));
+    assert_eq!((report.dust, report.holes), ((1, 3), 1));
     assert_eq!(report.components.len(), 1);
     assert_eq!(report.lines().len(), 7);
 }

@@ -5,13 +5,16 @@
 //! it is known. There is no requirement on shape or connectivity.
 
 mod bones;
+mod stances;
+
+use std::ops::Range;
 
 use glam::{DAffine3, DQuat, DVec3};
 
 use super::LaplaceError;
 use super::graph::Graph;
 use super::rotations::fit_rotation;
-use crate::model::{Avatar, Clip, Motion, nearest_rotation};
+use crate::model::{Avatar, Clip, Motion, Transform, nearest_rotation};
 use crate::reference::pose;
 use crate::take::Take;
 
@@ -38,8 +41,11 @@ enum Points {
         rest: Vec<DVec3>,
         /// `[points]`: (carrier, weight).
         influences: Vec<Vec<(u32, f64)>>,
-        /// `[frames][carriers]`: from the rest pose. The rest pose itself comes first.
+        /// `[frames][carriers]`: from the rest pose. The rest pose itself comes first, poses that
+        /// scans stand in last.
         frames: Vec<Vec<DAffine3>>,
+        /// How many of them are such poses.
+        stances: usize,
     },
     /// On their own: `[frames][points]`, metres.
     Free(Vec<Vec<DVec3>>),
@@ -47,18 +53,22 @@ enum Points {
 
 impl Template {
     /// The bones of a captured motion as triangle meshes (section 4.1). Frame 0 is the skeleton's
-    /// rest pose. O(frames x joints)
+    /// rest pose; behind the motion come poses that scans stand in. O(frames x joints)
     #[must_use]
     pub fn of_motion(motion: &Motion) -> Self {
         let bones = bones::of(&motion.skeleton, &motion.end_sites);
         let rest = motion.skeleton.model(&motion.skeleton.rest());
         let inverse: Vec<DAffine3> = rest.iter().map(DAffine3::inverse).collect();
         let mut frames = vec![vec![DAffine3::IDENTITY; rest.len()]];
+        let moved = |local: &[Transform]| {
+            let model = motion.skeleton.model(local);
+            model.iter().zip(&inverse).map(|(m, i)| *m * *i).collect()
+        };
         for time in times(&motion.clip) {
-            let local = pose::sample(&motion.skeleton, &motion.clip, time);
-            let model = motion.skeleton.model(&local);
-            frames.push(model.iter().zip(&inverse).map(|(m, i)| *m * *i).collect());
+            frames.push(moved(&pose::sample(&motion.skeleton, &motion.clip, time)));
         }
+        let stances = stances::of(&motion.skeleton);
+        frames.extend(stances.iter().map(|local| moved(local)));
         Self {
             labels: bones.labels,
             triangles: bones.triangles,
@@ -68,15 +78,17 @@ impl Template {
                 rest: bones.points,
                 influences: bones.joints.iter().map(|&j| vec![(j, 1.0)]).collect(),
                 frames,
+                stances: stances.len(),
             },
         }
     }
 
-    /// The surface of a skinned body in a clip. Frame 0 is its rest pose. O(frames x joints)
+    /// The surface of a skinned body in a clip. Frame 0 is its rest pose; behind the motion come
+    /// poses that scans stand in. O(frames x joints)
     #[must_use]
     pub fn of_body(body: &Avatar, clip: &Clip) -> Self {
         let binds = &body.skin.binds;
-        let palette = |local: &[crate::model::Transform]| {
+        let palette = |local: &[Transform]| {
             let model = body.skeleton.model(local);
             let matrix = |bind: &crate::model::Bind| model[bind.joint] * bind.inverse_bind;
             binds.iter().map(matrix).collect::<Vec<_>>()
@@ -85,6 +97,8 @@ impl Template {
         for time in times(clip) {
             frames.push(palette(&pose::sample(&body.skeleton, clip, time)));
         }
+        let stances = stances::of(&body.skeleton);
+        frames.extend(stances.iter().map(|local| palette(local)));
         Self {
             labels: numbered(body.mesh.positions.len()),
             triangles: body.mesh.triangles.clone(),
@@ -94,6 +108,7 @@ impl Template {
                 rest: body.mesh.positions.clone(),
                 influences: body.skin.influences.clone(),
                 frames,
+                stances: stances.len(),
             },
         }
     }
@@ -166,7 +181,7 @@ impl Template {
         self.labels.len()
     }
 
-    /// Number of frames; a skeleton's rest pose is the first of them.
+    /// Number of frames, with those that are not part of the motion.
     #[must_use]
     pub fn frame_count(&self) -> usize {
         match &self.points {
@@ -175,10 +190,18 @@ impl Template {
         }
     }
 
-    /// The first frame of the motion: 1 where frame 0 is a rest pose.
+    /// The frames of the motion: without a rest pose and poses that scans stand in.
     #[must_use]
-    pub fn first_frame(&self) -> usize {
-        usize::from(matches!(self.points, Points::Carried { .. })).min(self.frame_count() - 1)
+    pub fn motion(&self) -> Range<usize> {
+        match &self.points {
+            Points::Carried {
+                frames, stances, ..
+            } => {
+                let end = frames.len() - stances;
+                usize::from(end > 1)..end
+            }
+            Points::Free(frames) => 0..frames.len(),
+        }
     }
 
     /// Whether rotations come with the points.
@@ -199,6 +222,7 @@ impl Template {
                 rest,
                 influences,
                 frames,
+                ..
             } => {
                 let (rest, influences) = (rest[point as usize], &influences[point as usize]);
                 let carried = influences.iter().map(|&(carrier, weight)| {
