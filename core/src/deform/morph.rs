@@ -19,6 +19,13 @@ impl<'m, 'a> Morphs<'m, 'a> {
         moved.then_some(Self { asset, weights })
     }
 
+    /// Whether a block has rows.
+    #[inline(always)]
+    pub fn move_block(&self, block: usize) -> bool {
+        let starts = self.asset.morph_starts;
+        starts.get(block) != starts.get(block + 1)
+    }
+
     /// Adds the offsets of a block; normals are at unit length again where something was added,
     /// and made so before where they were not.
     #[inline(always)]
@@ -29,6 +36,12 @@ impl<'m, 'a> Morphs<'m, 'a> {
         room: &mut Room,
         has_unit_normals: bool,
     ) {
+        if L::WIDTH >= 4 {
+            for first in (0..LANES).step_by(L::WIDTH) {
+                self.add_to_lanes::<L>(token, (block, first), room, has_unit_normals);
+            }
+            return;
+        }
         let mut changed = false;
         for row in self.asset.morph_rows(block) {
             let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
@@ -48,6 +61,56 @@ impl<'m, 'a> Morphs<'m, 'a> {
             normalise::<L>(token, &mut room.normals);
         }
     }
+
+    /// The same where registers hold the sums of all rows.
+    #[inline(always)]
+    fn add_to_lanes<L: Lanes>(
+        &self,
+        token: L::Token,
+        (block, first): (usize, usize),
+        room: &mut Room,
+        has_unit_normals: bool,
+    ) {
+        let mut position = L::load3(token, &room.positions, first);
+        let mut normal = L::load3(token, &room.normals, first);
+        let mut changed = false;
+        for row in self.asset.morph_rows(block) {
+            let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
+            if weight == 0.0 {
+                continue;
+            }
+            let weight = L::splat(token, weight);
+            position = sum3(token, position, row.offsets, weight, first);
+            if let Some(offsets) = row.normals {
+                if !changed && !has_unit_normals {
+                    normal = to_unit_length(token, normal);
+                }
+                normal = sum3(token, normal, offsets, weight, first);
+                changed = true;
+            }
+        }
+        if changed {
+            normal = to_unit_length(token, normal);
+        }
+        put3(&mut room.positions, position, first);
+        put3(&mut room.normals, normal, first);
+    }
+}
+
+#[inline(always)]
+fn sum3<L: Lanes>(
+    token: L::Token,
+    [x, y, z]: [L; 3],
+    offsets: &Lanes3,
+    weight: L,
+    first: usize,
+) -> [L; 3] {
+    let [a, b, c] = L::load3(token, offsets, first);
+    [
+        x.add(a.mul(weight)),
+        y.add(b.mul(weight)),
+        z.add(c.mul(weight)),
+    ]
 }
 
 #[inline(always)]

@@ -60,7 +60,8 @@ impl RestShape<'_, '_> {
         block: usize,
         room: &'r mut Room,
     ) -> Rest<'r> {
-        if self.morphs.is_none() && !self.is_packed() {
+        let moved = self.morphs.as_ref().is_some_and(|m| m.move_block(block));
+        if !moved && !self.is_packed() {
             return Rest {
                 positions: self.asset.positions.get(block).unwrap_or(&ORIGIN),
                 normals: self.asset.normals.get(block).unwrap_or(&ORIGIN),
