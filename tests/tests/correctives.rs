@@ -121,10 +121,8 @@ impl Arm {
                 swing += step * speed;
             }
             let root = DAffine3::from_translation(DVec3::X * place);
-            let elbow = DAffine3::from_rotation_translation(
-                DQuat::from_rotation_z(angle),
-                DVec3::Y * 0.3,
-            );
+            let elbow =
+                DAffine3::from_rotation_translation(DQuat::from_rotation_z(angle), DVec3::Y * 0.3);
             let pose = vec![root, root * elbow];
             let bulge = 0.012 * (angle / 2.0).sin().powi(2);
             let mesh = self.body.mesh.positions.iter().zip(&self.body.mesh.normals);
@@ -172,7 +170,9 @@ impl Arm {
             ..BakeOptions::default()
         };
         let body = learnt.on(&self.body);
-        bake_adding(&body, &options, &additions).expect("bakes").bytes
+        bake_adding(&body, &options, &additions)
+            .expect("bakes")
+            .bytes
     }
 }
 
@@ -206,7 +206,9 @@ fn flesh_is_learnt_and_follows_motion_that_was_not() {
     println!("at markers, held out: {before:.6} m, {after:.6} m left");
     assert!(after < 0.4 * before);
     let bytes = arm.baked(&learnt, &[]);
-    let plain = bake(&arm.body, &BakeOptions::default()).expect("bakes").bytes;
+    let plain = bake(&arm.body, &BakeOptions::default())
+        .expect("bakes")
+        .bytes;
     let mut player = Player::new(bytes.asset().expect("sound"));
     let mut skeleton = Player::new(plain.asset().expect("sound"));
     let (poses, surfaces) = arm.perform(HELD_OUT, 6.0);
@@ -326,7 +328,11 @@ fn coarser_levels_have_correctives_and_bounds_hold_them() {
         }
         assert_eq!(fine.morph_weights(), coarse.morph_weights());
     }
-    assert!(fine.morph_weights().iter().any(|weight| weight.abs() > 0.05));
+    assert!(
+        fine.morph_weights()
+            .iter()
+            .any(|weight| weight.abs() > 0.05)
+    );
 }
 
 #[test]
@@ -334,14 +340,24 @@ fn flipped_bits_of_correctives_are_refused_or_harmless() {
     let arm = Arm::new();
     let learnt = arm.learnt();
     let sound = arm.baked(&learnt, &[]).as_slice().to_vec();
-    assert_eq!(sound, arm.baked(&learnt, &[]).as_slice(), "the same input, the same bytes");
+    assert_eq!(
+        sound,
+        arm.baked(&learnt, &[]).as_slice(),
+        "the same input, the same bytes"
+    );
     let (poses, _) = arm.perform(LEARNT, 0.1);
-    let tables = bake(&arm.body, &BakeOptions::default()).expect("bakes").bytes;
+    let tables = bake(&arm.body, &BakeOptions::default())
+        .expect("bakes")
+        .bytes;
     let mut random = Random(5);
     for round in 0..200 {
         let mut bytes = sound.clone();
         // Half of them where the correctives' tables are: behind all else.
-        let from = if round % 2 == 0 { 32 } else { tables.as_slice().len() };
+        let from = if round % 2 == 0 {
+            32
+        } else {
+            tables.as_slice().len()
+        };
         let at = from + random.below(bytes.len() - from);
         bytes[at] ^= 1 << random.below(8);
         let checksum = crc32(&bytes[20..]);
@@ -372,7 +388,11 @@ fn the_skeleton_is_found_under_the_markers() {
             worst = (worst.0.max(off), worst.1.max(turn.min(360.0 - turn)));
         }
     }
-    println!("joints within {:.2} mm and {:.2} degrees", 1e3 * worst.0, worst.1);
+    println!(
+        "joints within {:.2} mm and {:.2} degrees",
+        1e3 * worst.0,
+        worst.1
+    );
     // The flesh moves by up to 12 mm.
     assert!(worst.0 < 3e-3 && worst.1 < 2.0, "{worst:?}");
 }
@@ -382,8 +402,14 @@ fn too_little_is_said() {
     let arm = Arm::new();
     let short = arm.performed(LEARNT, 2.0);
     let error = learn(&arm.body, arm.glued(), &[short]).expect_err("too short");
-    assert!(matches!(error, PartsFitError::TooFew { found: 2, .. }), "{error}");
+    assert!(
+        matches!(error, PartsFitError::TooFew { found: 2, .. }),
+        "{error}"
+    );
     let few = (&arm.glued[..5], &arm.rest[..5]);
     let error = learn(&arm.body, few, &[]).expect_err("too few");
-    assert!(matches!(error, PartsFitError::TooFew { found: 5, .. }), "{error}");
+    assert!(
+        matches!(error, PartsFitError::TooFew { found: 5, .. }),
+        "{error}"
+    );
 }

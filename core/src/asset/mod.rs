@@ -26,8 +26,8 @@ mod shapes;
 pub use bounds::BoundsDims;
 pub(crate) use bounds::RestBounds;
 pub use checksum::crc32;
-pub use correctives::CorrectiveDims;
 pub use clips::{Channel, Clip, Interpolation, Track};
+pub use correctives::CorrectiveDims;
 pub use error::AssetError;
 pub use header::{
     ALIGNMENT, Dims, HEADER_BYTES, LANES, LARGEST, LARGEST_WEIGHT, MAGIC, NO_PARENT,

@@ -36,12 +36,6 @@ impl<'m, 'a> Morphs<'m, 'a> {
         room: &mut Room,
         has_unit_normals: bool,
     ) {
-        if L::WIDTH >= 4 {
-            for first in (0..LANES).step_by(L::WIDTH) {
-                self.add_to_lanes::<L>(token, (block, first), room, has_unit_normals);
-            }
-            return;
-        }
         let mut changed = false;
         for row in self.asset.morph_rows(block) {
             let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
@@ -62,38 +56,37 @@ impl<'m, 'a> Morphs<'m, 'a> {
         }
     }
 
-    /// The same where registers hold the sums of all rows.
+    /// The same sums, kept in registers: of a block that is not packed, where there are registers.
     #[inline(always)]
-    fn add_to_lanes<L: Lanes>(
+    pub fn put_sum<L: Lanes>(
         &self,
         token: L::Token,
-        (block, first): (usize, usize),
+        block: usize,
+        (positions, normals): (&Lanes3, &Lanes3),
         room: &mut Room,
-        has_unit_normals: bool,
     ) {
-        let mut position = L::load3(token, &room.positions, first);
-        let mut normal = L::load3(token, &room.normals, first);
-        let mut changed = false;
-        for row in self.asset.morph_rows(block) {
-            let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
-            if weight == 0.0 {
-                continue;
-            }
-            let weight = L::splat(token, weight);
-            position = sum3(token, position, row.offsets, weight, first);
-            if let Some(offsets) = row.normals {
-                if !changed && !has_unit_normals {
-                    normal = to_unit_length(token, normal);
+        for first in (0..LANES).step_by(L::WIDTH) {
+            let mut position = L::load3(token, positions, first);
+            let mut normal = L::load3(token, normals, first);
+            let mut changed = false;
+            for row in self.asset.morph_rows(block) {
+                let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
+                if weight == 0.0 {
+                    continue;
                 }
-                normal = sum3(token, normal, offsets, weight, first);
-                changed = true;
+                let weight = L::splat(token, weight);
+                position = sum3(token, position, row.offsets, weight, first);
+                if let Some(offsets) = row.normals {
+                    normal = sum3(token, normal, offsets, weight, first);
+                    changed = true;
+                }
             }
+            if changed {
+                normal = to_unit_length(token, normal);
+            }
+            put3(&mut room.positions, position, first);
+            put3(&mut room.normals, normal, first);
         }
-        if changed {
-            normal = to_unit_length(token, normal);
-        }
-        put3(&mut room.positions, position, first);
-        put3(&mut room.normals, normal, first);
     }
 }
 

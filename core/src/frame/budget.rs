@@ -1,8 +1,8 @@
 //! What a frame may cost, and what it costs.
 
 use crate::asset::{Asset, Dims, LANES};
-use crate::deform::parts::corrective_multiply_adds;
 use crate::deform::SkinMode;
+use crate::deform::parts::corrective_multiply_adds;
 
 /// How much work a frame may do. Counts, never time, so that every machine does the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

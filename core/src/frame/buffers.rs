@@ -197,9 +197,7 @@ impl<B: BorrowMut<[f32]>> Workspace<B> {
         let (palette, rest) = rest
             .split_at_mut_checked(dims.bind_count * MATRIX)
             .ok_or(error)?;
-        let (features, rest) = rest
-            .split_at_mut_checked(features_len(dims))
-            .ok_or(error)?;
+        let (features, rest) = rest.split_at_mut_checked(features_len(dims)).ok_or(error)?;
         Ok(Scratch {
             features,
             model: model.as_chunks_mut().0,

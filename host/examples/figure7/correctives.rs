@@ -138,7 +138,10 @@ pub fn correctives(
             };
             let mut sum = [0.0; 3];
             let mut vertices = 0;
-            for row in (0..by_vertex.len()).filter(|&v| own(v)).map(|v| by_vertex[v]) {
+            for row in (0..by_vertex.len())
+                .filter(|&v| own(v))
+                .map(|v| by_vertex[v])
+            {
                 vertices += 1;
                 (0..3).for_each(|k| sum[k] += row[k]);
             }
@@ -185,7 +188,9 @@ fn local(body: &Avatar, model: &[DAffine3]) -> Vec<Transform> {
     let joints = body.skeleton.joints.iter().zip(model);
     joints
         .map(|(joint, matrix)| {
-            let above = joint.parent.map_or(DAffine3::IDENTITY, |parent| model[parent]);
+            let above = joint
+                .parent
+                .map_or(DAffine3::IDENTITY, |parent| model[parent]);
             let (scale, rotation, translation) =
                 (above.inverse() * *matrix).to_scale_rotation_translation();
             Transform {

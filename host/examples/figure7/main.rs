@@ -35,7 +35,9 @@ fn main() -> Result<(), Failure> {
             "--out" => out = Some(PathBuf::from(value)),
             "--markers" => count = value.parse()?,
             "--only" => only = Some(value),
-            other => return Err(format!("{other}: give --out DIR, --markers N or --only WHAT").into()),
+            other => {
+                return Err(format!("{other}: give --out DIR, --markers N or --only WHAT").into());
+            }
         }
     }
     let wanted = |what: &str| only.as_deref().is_none_or(|only| only == what);

@@ -110,12 +110,7 @@ fn frames(rig: &RigTables, markers: &[DVec3]) -> Vec<DAffine3> {
 }
 
 /// `[markers]`: where a marker is, carried back to the rest pose, less where it was there.
-fn residuals(
-    rig: &RigTables,
-    markers: &[DVec3],
-    frames: &[DAffine3],
-    blend: Blend,
-) -> Vec<DVec3> {
+fn residuals(rig: &RigTables, markers: &[DVec3], frames: &[DAffine3], blend: Blend) -> Vec<DVec3> {
     let one = |(marker, &position): (usize, &DVec3)| {
         let range = rig.carrier_starts[marker] as usize..rig.carrier_starts[marker + 1] as usize;
         let row: Vec<(usize, f64)> = range

@@ -16,7 +16,8 @@ use super::slots::row;
 use crate::asset::NO_PARENT;
 use crate::deform::SizeError;
 use crate::math::{
-    Affine12, IDENTITY, Quat4, affine, conjugate, dot4, normalise, quaternion_product, transform_point,
+    Affine12, IDENTITY, Quat4, affine, conjugate, dot4, normalise, quaternion_product,
+    transform_point,
 };
 use crate::pose::Dual17;
 use crate::solve::dense::{Pair, Rigid, absolute_orientation};

@@ -31,7 +31,26 @@ pub(super) fn shake(
     (seconds, starts): (f32, bool),
     kept: &mut [f32; PART_STATE],
 ) -> [[f32; 3]; SPRINGS] {
-    let [px, py, pz, vx, vy, vz, ax, ay, az, au, av, aw, cx, cy, cz, cu, cv, cw] = kept;
+    let [
+        px,
+        py,
+        pz,
+        vx,
+        vy,
+        vz,
+        ax,
+        ay,
+        az,
+        au,
+        av,
+        aw,
+        cx,
+        cy,
+        cz,
+        cu,
+        cv,
+        cw,
+    ] = kept;
     let places = [(px, vx), (py, vy), (pz, vz)];
     let first = [(ax, au), (ay, av), (az, aw)];
     let second = [(cx, cu), (cy, cv), (cz, cw)];
@@ -43,7 +62,8 @@ pub(super) fn shake(
     let pull = [x, y + GRAVITY, z];
     let step = seconds * (1.0 / STEPS as f32);
     let mut out = [[0.0; 3]; SPRINGS];
-    for ((spring, &[frequency, damping]), out) in [first, second].into_iter().zip(springs).zip(&mut out)
+    for ((spring, &[frequency, damping]), out) in
+        [first, second].into_iter().zip(springs).zip(&mut out)
     {
         let stiffness = frequency * frequency;
         let friction = damping * frequency * step + 0.25 * stiffness * step * step;
@@ -54,7 +74,8 @@ pub(super) fn shake(
             } else {
                 for _ in 0..STEPS {
                     let before = *speed;
-                    *speed = (before * (1.0 - friction) + step * (pull - stiffness * *place)) * share;
+                    *speed =
+                        (before * (1.0 - friction) + step * (pull - stiffness * *place)) * share;
                     *place += 0.5 * step * (before + *speed);
                 }
             }

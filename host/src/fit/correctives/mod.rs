@@ -114,7 +114,12 @@ pub fn learn(
     if seconds < LEAST_SECONDS {
         let needed = LEAST_SECONDS as usize;
         let remedy = "give a longer take, without gaps";
-        return Err(few("seconds without gaps", seconds as usize, needed, remedy));
+        return Err(few(
+            "seconds without gaps",
+            seconds as usize,
+            needed,
+            remedy,
+        ));
     }
     let segments = Segments::of_rig(body, markers);
     let stretches: Vec<regress::Stretch> = performances
@@ -145,7 +150,11 @@ impl Correctives {
         let mut body = body.clone();
         let (before, added) = (body.mesh.morphs.len(), self.morphs.len());
         body.mesh.morphs.extend(self.morphs.iter().cloned());
-        for track in body.clips.iter_mut().filter_map(|clip| clip.morph_track.as_mut()) {
+        for track in body
+            .clips
+            .iter_mut()
+            .filter_map(|clip| clip.morph_track.as_mut())
+        {
             let wider = track.values.chunks_exact(before.max(1)).flat_map(|row| {
                 let zeros = std::iter::repeat_n(0.0, added);
                 row.iter().copied().chain(zeros)

@@ -37,7 +37,9 @@ const BEYOND: f64 = 0.15;
 /// Offsets fade out below this, metres; further where that leaves too many rows.
 const FADE: f64 = 0.05e-3;
 /// Most modes that move a block, on average over all blocks: what bounds the cost of a frame.
-const ROWS: f64 = 1.6;
+const ROWS: f64 = 1.0;
+/// A part with fewer markers says more about its frame than about its flesh.
+const FEWEST: usize = 4;
 /// Angles tried when two modes are turned into each other, and rounds over all pairs.
 const ANGLES: usize = 32;
 const ROUNDS: usize = 6;
@@ -47,9 +49,10 @@ const ROUNDS: usize = 6;
 pub fn reduce(data: &CorrectiveData, parts: &[usize], learnt: &Learnt) -> Vec<MarkerMode> {
     let mut out = Vec::new();
     for (part, columns) in learnt.columns.iter().enumerate().take(data.parents.len()) {
-        let own = |&marker: &usize| parts[marker] == part && !learnt.coefficients[marker].is_empty();
+        let own =
+            |&marker: &usize| parts[marker] == part && !learnt.coefficients[marker].is_empty();
         let markers: Vec<usize> = (0..parts.len()).filter(own).collect();
-        if markers.is_empty() {
+        if markers.len() < FEWEST {
             continue;
         }
         let n = columns.len();
@@ -191,7 +194,7 @@ pub fn spread(
 ) -> Result<Vec<Morph>, PartsFitError> {
     let mesh = &body.mesh;
     let skin = Skin::new(&mesh.positions, &mesh.normals, &mesh.triangles, markers);
-    let spread = skin.biharmonic(markers)?;
+    let spread = skin.local(skin.biharmonic(markers)?, markers);
     let field = |mode: &MarkerMode| {
         let mut positions = vec![DVec3::ZERO; mesh.positions.len()];
         for &(marker, offset) in &mode.offsets {

@@ -44,11 +44,7 @@ pub struct Posed {
 /// `frames`: `[frames][markers]`, metres; those that are not finite are left out.
 /// O(frames (markers joints^2 + joints^3))
 #[must_use]
-pub fn pose(
-    body: &Avatar,
-    (markers, rest): (&[Glued], &[DVec3]),
-    frames: &[Vec<DVec3>],
-) -> Posed {
+pub fn pose(body: &Avatar, (markers, rest): (&[Glued], &[DVec3]), frames: &[Vec<DVec3>]) -> Posed {
     let mut figure = Figure::new(body, markers, rest);
     let step = frames.len().div_ceil(SAMPLES).max(1);
     let some: Vec<Vec<DVec3>> = frames.iter().step_by(step).cloned().collect();
@@ -168,7 +164,11 @@ impl<'a> Figure<'a> {
     /// The rest pose, moved as a whole to where the markers are.
     fn standing(&self, frame: &[DVec3]) -> Vec<Transform> {
         let mut local = self.body.skeleton.rest();
-        let seen = self.rest.iter().zip(frame).filter(|pair| pair.1.is_finite());
+        let seen = self
+            .rest
+            .iter()
+            .zip(frame)
+            .filter(|pair| pair.1.is_finite());
         let Some(motion) = Rigid::fit(seen.map(|(&a, &b)| (a, b, 1.0))) else {
             return local;
         };
@@ -255,7 +255,9 @@ impl<'a> Figure<'a> {
         let shorter = (LARGEST_TURN / largest.max(1e-12)).min(1.0);
         for (at, &joint) in self.turning.iter().enumerate() {
             let turn = DQuat::from_scaled_axis(shorter * turn(at));
-            let above = joints[joint].parent.map_or(DMat3::IDENTITY, |p| pose[p].matrix3);
+            let above = joints[joint]
+                .parent
+                .map_or(DMat3::IDENTITY, |p| pose[p].matrix3);
             let above = crate::model::nearest_rotation(&above);
             let own = &mut local[joint];
             own.rotation = (above.inverse() * turn * above * own.rotation).normalize();

@@ -5,7 +5,6 @@
 //! it). How strongly, and which springs a part has, is what predicts stretches held out best.
 
 use glam::DVec3;
-use sinew_core::asset::NO_PARENT;
 use sinew_core::deform::parts::{
     BEND_FEATURES, CorrectiveState, PART_FEATURES, PartsError, corrective_feature_count,
     corrective_state_len,
@@ -67,9 +66,8 @@ pub fn learn(
     stretches: &[Stretch],
 ) -> Result<Learnt, PartsError> {
     let count = data.parents.len();
-    let markers_of = |part: usize| -> Vec<usize> {
-        (0..parts.len()).filter(|&at| parts[at] == part).collect()
-    };
+    let markers_of =
+        |part: usize| -> Vec<usize> { (0..parts.len()).filter(|&at| parts[at] == part).collect() };
     let own: Vec<Vec<usize>> = (0..count).map(markers_of).collect();
     choose_springs(data, binds, &own, stretches)?;
     let features = features(data, binds, stretches)?;
@@ -90,7 +88,10 @@ pub fn learn(
         let tried = PULLS.map(|pull| (error(pull), pull));
         let best = tried.into_iter().min_by(|a, b| a.0.total_cmp(&b.0));
         let (error, pull) = best.unwrap_or((0.0, 1.0));
-        let whole = sums.iter().skip(1).fold(sums[0].clone(), |sum, fold| sum.plus(fold, 1.0));
+        let whole = sums
+            .iter()
+            .skip(1)
+            .fold(sums[0].clone(), |sum, fold| sum.plus(fold, 1.0));
         before += whole.squares;
         left += error;
         samples += whole.frames * markers.len() as f64;
@@ -191,7 +192,6 @@ fn used(parents: &[u16], part: usize) -> Vec<usize> {
         }
     }
     out.push(parents.len() * PART_FEATURES);
-    debug_assert!(parents.iter().all(|&p| p == NO_PARENT || usize::from(p) < parents.len()));
     out
 }
 
@@ -215,7 +215,9 @@ fn expected(column: usize, part: usize, parts: usize) -> f64 {
 
 /// Squared error on each fold of what the others teach, m^2.
 fn held_out(folds: &[Sums], expected: &[f64], pull: f64) -> f64 {
-    let whole = folds[1..].iter().fold(folds[0].clone(), |sum, fold| sum.plus(fold, 1.0));
+    let whole = folds[1..]
+        .iter()
+        .fold(folds[0].clone(), |sum, fold| sum.plus(fold, 1.0));
     let of = |fold: &Sums| match whole.plus(fold, -1.0).solve(expected, pull) {
         Some(solved) => fold.error(&solved),
         None => fold.squares,
@@ -346,6 +348,7 @@ impl Sums {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sinew_core::asset::NO_PARENT;
 
     #[test]
     fn sums_find_what_made_them_and_count_what_is_left() {
@@ -388,6 +391,9 @@ mod tests {
         };
         assert_eq!(parts(0), [0, 1, 2, 4, 5]);
         assert_eq!(parts(2), [1, 2, 3, 5]);
-        assert_eq!(used(&parents, 0).len(), 3 * PART_FEATURES + BEND_FEATURES + 1);
+        assert_eq!(
+            used(&parents, 0).len(),
+            3 * PART_FEATURES + BEND_FEATURES + 1
+        );
     }
 }

@@ -136,6 +136,7 @@ pub fn learn(
     let order = patches::by_parts(&by_surface, &segments.vertex_weights);
     let blocks = patches::tables(order, &segments.vertex_weights, positions, normals);
     let most = options.hybrid_markers;
+    let fields = skin.local(fields, markers);
     let slots = hybrid::slots(&blocks.order, &skin, &fields, &residuals, most);
     let hybrid = ModeData::Hybrid {
         blocks,
