@@ -23,6 +23,11 @@ pub struct Player<'a> {
     workspace: Workspace<Vec<f32>>,
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
+    /// Seconds since the frame before; the core's guess where nobody says.
+    elapsed: Option<f32>,
+    /// The time shown last.
+    shown: Option<f64>,
+    weights: Vec<f32>,
     /// Empty where the asset has none.
     tangents: Vec<[f32; 4]>,
     /// Made when the first frame of markers comes.
@@ -47,6 +52,9 @@ impl<'a> Player<'a> {
             normals: vec![[0.0; 3]; dims.vertex_count],
             tangents: vec![[0.0; 4]; tangent_count],
             markers: None,
+            elapsed: None,
+            shown: None,
+            weights: vec![0.0; dims.morph_count],
         }
     }
 
@@ -102,13 +110,29 @@ impl<'a> Player<'a> {
                 .with_tangents(self.tangents.as_flattened_mut())
                 .expect("the buffers have the asset's size");
         }
-        Avatar::new(&self.asset, &mut self.state, &mut self.workspace)
+        let mut avatar = Avatar::new(&self.asset, &mut self.state, &mut self.workspace)
             .expect("the memory has the asset's size")
             .with_mode(self.mode)
             .expect("the mode was tried before")
             .with_normals(self.normal_mode)
-            .with_level(self.level)
-            .step(input, Budget::UNLIMITED, &mut output)
+            .with_level(self.level);
+        if let Some(seconds) = self.elapsed {
+            avatar = avatar.with_elapsed(seconds);
+        }
+        let report = avatar.step(input, Budget::UNLIMITED, &mut output);
+        self.weights.copy_from_slice(avatar.morph_weights());
+        report
+    }
+
+    /// Says how many seconds pass from frame to frame, for what swings in time.
+    pub fn set_elapsed(&mut self, seconds: f64) {
+        self.elapsed = Some(seconds as f32);
+    }
+
+    /// Weights of all morph targets after the last step, `[morphs]`.
+    #[must_use]
+    pub fn morph_weights(&self) -> &[f32] {
+        &self.weights
     }
 
     /// Steps the skin that markers drive to a frame of them: `[markers]`, metres, NaN where
@@ -203,6 +227,11 @@ impl Motion {
 
     /// Steps a player to a time; of markers, to the nearest frame.
     pub fn step(&self, player: &mut Player<'_>, seconds: f64) {
+        if let Some(shown) = player.shown.replace(seconds) {
+            // Backwards is a cut.
+            let passed = seconds - shown;
+            player.set_elapsed(if passed < 0.0 { 1.0 } else { passed });
+        }
         match self {
             Self::Markers { rate, frames } => {
                 let last = frames.len().saturating_sub(1);

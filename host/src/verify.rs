@@ -8,6 +8,7 @@ use sinew_core::frame::Input;
 use crate::model::Avatar;
 use crate::play::{Player, fingerprint, frame_times};
 use crate::reference;
+use crate::reference::correctives::Flesh;
 use crate::reference::marked::Marked;
 
 /// How far the core is from the oracle over all clips, at every sample and halfway between.
@@ -83,6 +84,7 @@ pub fn verify(
     };
     // An asset that passed its check can be factored; if not, the skin stands in and fails.
     let marked = Marked::new(asset).ok().flatten();
+    let mut flesh = asset.corrective().map(Flesh::new);
     let mut player = Player::new(*asset);
     let mut scalar = Player::new(*asset).with_level(Level::Scalar);
     let moments = moments(asset);
@@ -104,7 +106,7 @@ pub fn verify(
         report.levels_agree &= bits(player.positions(), scalar.positions())
             && bits(player.normals(), scalar.normals());
         let morphs = &truth.mesh.morphs;
-        let (local, weights) = match clip {
+        let (local, mut weights) = match clip {
             Some(index) => {
                 // The core sees the time as `f32`, so the oracle must too.
                 let seconds = f64::from(seconds as f32);
@@ -121,6 +123,13 @@ pub fn verify(
             progress(done + 1, moments.len());
             continue;
         }
+        if let Some(flesh) = &mut flesh {
+            let binds = truth.skin.binds.iter();
+            let palette: Vec<_> = binds.map(|b| model[b.joint] * b.inverse_bind).collect();
+            let predicted = flesh.step(&palette, FRAME);
+            let usual = weights.len().saturating_sub(predicted.len());
+            weights.splice(usual.., predicted);
+        }
         let morphed =
             (!morphs.is_empty()).then(|| reference::morph::morphed(&truth.mesh, &weights));
         let mesh = morphed.as_ref().unwrap_or(&truth.mesh);
@@ -133,6 +142,9 @@ pub fn verify(
     report.fingerprint = fingerprint(asset, Level::best());
     report
 }
+
+/// Seconds between frames for what swings in time.
+const FRAME: f64 = 1.0 / 60.0;
 
 /// Adds the distances of a frame.
 fn compare(

@@ -117,6 +117,8 @@ pub enum AssetError {
     },
     /// Tables of a marker-driven skin that are not sound.
     MarkerSkin(PartsError),
+    /// Correctives whose tables contradict each other.
+    Correctives(PartsError),
     /// A name that is not UTF-8.
     Name {
         /// The section that refers to it.
@@ -220,6 +222,7 @@ impl fmt::Display for AssetError {
                 "coarser level {row} has another skeleton, other names or counts, or clips"
             ),
             Self::MarkerSkin(error) => write!(f, "marker-driven skin: {error}"),
+            Self::Correctives(error) => write!(f, "correctives: {error}"),
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;
         write!(f, "; {}", self.hint())

@@ -5,7 +5,7 @@ use super::laplacian::LaplacianDims;
 use super::levels::LevelDims;
 use super::marker_skin::{MARKER_SKIN_WORDS, MarkerSkinDims};
 use super::shapes::ShapeDims;
-use super::{MarkerDims, PackedDims};
+use super::{CorrectiveDims, MarkerDims, PackedDims};
 
 /// First eight bytes of every asset. The line ends in it show a file mangled by text conversion.
 pub const MAGIC: [u8; 8] = *b"\x89SNW\r\n\x1a\n";
@@ -109,6 +109,8 @@ pub struct Dims {
     pub marker_skin: MarkerSkinDims,
     /// Compressed tracks.
     pub packed: PackedDims,
+    /// Morph targets that follow the skeleton.
+    pub correctives: CorrectiveDims,
 }
 
 impl Dims {
@@ -184,6 +186,7 @@ impl Dims {
             markers: MarkerDims::read(bytes),
             marker_skin: MarkerSkinDims::read(bytes),
             packed: PackedDims::read(bytes),
+            correctives: CorrectiveDims::read(bytes),
         }
     }
 
@@ -243,6 +246,12 @@ impl Dims {
         at = 0;
         while at < packed.len() {
             words[PackedDims::WORD + at] = packed[at];
+            at += 1;
+        }
+        let correctives = self.correctives.to_words();
+        at = 0;
+        while at < correctives.len() {
+            words[CorrectiveDims::WORD + at] = correctives[at];
             at += 1;
         }
         words

@@ -201,11 +201,27 @@ pub enum SectionKind {
     FactorRows = u32::from_le_bytes(*b"LFRW"),
     /// `f32 [quads x 4]`: values, likewise.
     FactorValues = u32::from_le_bytes(*b"LFVA"),
+    /// `u16 [parts]`: parent of each part of the correctives, or [`NO_PARENT`](super::NO_PARENT).
+    CorrectiveParents = u32::from_le_bytes(*b"CPAR"),
+    /// `u16 [parts]`: bind of each.
+    CorrectiveBinds = u32::from_le_bytes(*b"CBND"),
+    /// `f32 [parts x 3]`: the place whose acceleration shakes its springs.
+    CorrectivePivots = u32::from_le_bytes(*b"CPIV"),
+    /// `f32 [parts x 2 x 2]`: angular frequency and damping ratio of two springs.
+    CorrectiveSprings = u32::from_le_bytes(*b"CSPR"),
+    /// `u32 [modes + 1]`: first term of each mode.
+    CorrectiveStarts = u32::from_le_bytes(*b"CSTA"),
+    /// `u16 [terms]`: feature.
+    CorrectiveFeatures = u32::from_le_bytes(*b"CFEA"),
+    /// `f32 [terms]`: what it adds to the mode's weight.
+    CorrectiveCoefficients = u32::from_le_bytes(*b"CCOF"),
+    /// `f32 [modes x 2]`: least and largest weight.
+    CorrectiveRanges = u32::from_le_bytes(*b"CRNG"),
 }
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 97] = [
+    pub const ALL: [Self; 105] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -303,6 +319,14 @@ impl SectionKind {
         Self::FactorPanels,
         Self::FactorRows,
         Self::FactorValues,
+        Self::CorrectiveParents,
+        Self::CorrectiveBinds,
+        Self::CorrectivePivots,
+        Self::CorrectiveSprings,
+        Self::CorrectiveStarts,
+        Self::CorrectiveFeatures,
+        Self::CorrectiveCoefficients,
+        Self::CorrectiveRanges,
     ];
 
     /// Length that the counts ask for; `None` where it exceeds the address space.
@@ -363,6 +387,14 @@ impl SectionKind {
             Self::LiveRate if dims.markers.marker_count == 0 => Some(0),
             Self::LiveRate => Some(16),
             Self::Names => Some(dims.name_bytes),
+            Self::CorrectiveParents
+            | Self::CorrectiveBinds
+            | Self::CorrectivePivots
+            | Self::CorrectiveSprings
+            | Self::CorrectiveStarts
+            | Self::CorrectiveFeatures
+            | Self::CorrectiveCoefficients
+            | Self::CorrectiveRanges => dims.correctives.bytes(self),
             group => match self.laplacian_bytes(dims) {
                 Some(0) => {
                     let (blocks, vertices) = (dims.block_count, dims.vertex_count);

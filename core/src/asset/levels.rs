@@ -58,6 +58,7 @@ impl<'a> Asset<'a> {
         level.key_times = self.key_times;
         level.key_values = self.key_values;
         level.packed = self.packed;
+        level.corrective = self.corrective;
         level.rest_bounds = self.rest_bounds;
         level.dims.clip_count = self.dims.clip_count;
         level.dims.track_count = self.dims.track_count;
@@ -66,6 +67,7 @@ impl<'a> Asset<'a> {
         level.dims.key_time_count = self.dims.key_time_count;
         level.dims.key_value_count = self.dims.key_value_count;
         level.dims.packed = self.dims.packed;
+        level.dims.correctives = self.dims.correctives;
         level.dims.bounds = self.dims.bounds;
         Some(level)
     }

@@ -23,7 +23,7 @@ pub struct MarkerSkinDims {
     pub member_count: usize,
     /// (marker, part) pairs that carry markers.
     pub carrier_count: usize,
-    /// Which mode: 0 none, 1 exact, 2 collapsed, 3 hybrid.
+    /// Which mode: 0 none, 1 exact, 2 collapsed, 3 hybrid, 4 hybrid with a linear blend.
     pub mode: usize,
     /// (part, eight weights) slots of all blocks.
     pub part_slot_count: usize,
@@ -37,6 +37,7 @@ pub struct MarkerSkinDims {
 pub(crate) const EXACT: usize = 1;
 pub(crate) const COLLAPSED: usize = 2;
 pub(crate) const HYBRID: usize = 3;
+pub(crate) const LINEAR_HYBRID: usize = 4;
 
 impl MarkerSkinDims {
     pub(crate) const fn read(bytes: &[u8]) -> Self {
@@ -76,8 +77,8 @@ impl MarkerSkinDims {
         vertices: usize,
     ) -> Option<usize> {
         use SectionKind as K;
-        let parts_move = matches!(self.mode, EXACT | HYBRID);
-        let markers_move = matches!(self.mode, COLLAPSED | HYBRID);
+        let parts_move = matches!(self.mode, EXACT | HYBRID | LINEAR_HYBRID);
+        let markers_move = matches!(self.mode, COLLAPSED | HYBRID | LINEAR_HYBRID);
         let (rows, width) = match kind {
             K::MarkerRest => (self.marker_count, 12),
             K::MarkerNames => (self.marker_count, 8),
@@ -176,6 +177,7 @@ impl<'a> MarkerSkinSections<'a> {
     /// Proves the sections sound.
     pub(crate) fn check(self, dims: &MarkerSkinDims) -> Result<MarkerSkin<'a>, PartsError> {
         let rig = MarkerRig::new_checked(self.rig)?;
+        let rig = rig.with_linear_blend(dims.mode == LINEAR_HYBRID);
         let counts = (dims.part_count, dims.marker_count);
         let mode = match dims.mode {
             EXACT => MarkerMode::Exact(Exact::new_checked(self.exact, dims.marker_count)?),

@@ -8,6 +8,7 @@ mod bounds;
 mod check;
 mod checksum;
 mod clips;
+mod correctives;
 mod error;
 mod header;
 mod include;
@@ -26,6 +27,7 @@ pub use bounds::BoundsDims;
 pub(crate) use bounds::RestBounds;
 pub use checksum::crc32;
 pub use clips::{Channel, Clip, Interpolation, Track};
+pub use correctives::CorrectiveDims;
 pub use error::AssetError;
 pub use header::{
     ALIGNMENT, Dims, HEADER_BYTES, LANES, LARGEST, LARGEST_WEIGHT, MAGIC, NO_PARENT,
@@ -46,6 +48,8 @@ pub use morphs::{Morph, MorphRow};
 pub use packed::{PackedDims, PackedTrack, unpack_rotation};
 pub(crate) use shapes::Shapes;
 pub use shapes::{PackedBox, ShapeDims};
+
+use crate::deform::parts::Corrective;
 
 /// Eight lanes of x, then of y, then of z.
 pub type Lanes3 = [[f32; LANES]; 3];
@@ -89,6 +93,7 @@ pub struct Asset<'a> {
     levels: Levels<'a>,
     marker_skin: Option<MarkerSkin<'a>>,
     marker_names: &'a [[u32; 2]],
+    corrective: Option<Corrective<'a>>,
 }
 
 /// Blocks with the same number of slots.

@@ -19,6 +19,13 @@ impl<'m, 'a> Morphs<'m, 'a> {
         moved.then_some(Self { asset, weights })
     }
 
+    /// Whether a block has rows.
+    #[inline(always)]
+    pub fn move_block(&self, block: usize) -> bool {
+        let starts = self.asset.morph_starts;
+        starts.get(block) != starts.get(block + 1)
+    }
+
     /// Adds the offsets of a block; normals are at unit length again where something was added,
     /// and made so before where they were not.
     #[inline(always)]
@@ -48,6 +55,55 @@ impl<'m, 'a> Morphs<'m, 'a> {
             normalise::<L>(token, &mut room.normals);
         }
     }
+
+    /// The same sums, kept in registers: of a block that is not packed, where there are registers.
+    #[inline(always)]
+    pub fn put_sum<L: Lanes>(
+        &self,
+        token: L::Token,
+        block: usize,
+        (positions, normals): (&Lanes3, &Lanes3),
+        room: &mut Room,
+    ) {
+        for first in (0..LANES).step_by(L::WIDTH) {
+            let mut position = L::load3(token, positions, first);
+            let mut normal = L::load3(token, normals, first);
+            let mut changed = false;
+            for row in self.asset.morph_rows(block) {
+                let weight = self.weights.get(row.morph).copied().unwrap_or(0.0);
+                if weight == 0.0 {
+                    continue;
+                }
+                let weight = L::splat(token, weight);
+                position = sum3(token, position, row.offsets, weight, first);
+                if let Some(offsets) = row.normals {
+                    normal = sum3(token, normal, offsets, weight, first);
+                    changed = true;
+                }
+            }
+            if changed {
+                normal = to_unit_length(token, normal);
+            }
+            put3(&mut room.positions, position, first);
+            put3(&mut room.normals, normal, first);
+        }
+    }
+}
+
+#[inline(always)]
+fn sum3<L: Lanes>(
+    token: L::Token,
+    [x, y, z]: [L; 3],
+    offsets: &Lanes3,
+    weight: L,
+    first: usize,
+) -> [L; 3] {
+    let [a, b, c] = L::load3(token, offsets, first);
+    [
+        x.add(a.mul(weight)),
+        y.add(b.mul(weight)),
+        z.add(c.mul(weight)),
+    ]
 }
 
 #[inline(always)]

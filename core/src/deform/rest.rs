@@ -60,7 +60,8 @@ impl RestShape<'_, '_> {
         block: usize,
         room: &'r mut Room,
     ) -> Rest<'r> {
-        if self.morphs.is_none() && !self.is_packed() {
+        let moved = self.morphs.as_ref().is_some_and(|m| m.move_block(block));
+        if !moved && !self.is_packed() {
             return Rest {
                 positions: self.asset.positions.get(block).unwrap_or(&ORIGIN),
                 normals: self.asset.normals.get(block).unwrap_or(&ORIGIN),
@@ -79,8 +80,13 @@ impl RestShape<'_, '_> {
         if self.is_packed() {
             self.unpack::<L>(token, block, room);
         } else {
-            room.positions = *self.asset.positions.get(block).unwrap_or(&ORIGIN);
-            room.normals = *self.asset.normals.get(block).unwrap_or(&ORIGIN);
+            let positions = self.asset.positions.get(block).unwrap_or(&ORIGIN);
+            let normals = self.asset.normals.get(block).unwrap_or(&ORIGIN);
+            if let Some(morphs) = self.morphs.as_ref().filter(|_| L::WIDTH >= 4) {
+                morphs.put_sum::<L>(token, block, (positions, normals), room);
+                return;
+            }
+            (room.positions, room.normals) = (*positions, *normals);
         }
         if let Some(morphs) = &self.morphs {
             morphs.add_to::<L>(token, block, room, self.has_unit_normals());

@@ -6,8 +6,12 @@ use core::ops::Range;
 use super::buffers::{Kept, Progress, dual_len, dual_parts, duals_of};
 use super::{Budget, Flags, FrameReport, State, Workspace, any_mode_workspace_len};
 use crate::asset::Asset;
+use crate::deform::parts::CorrectiveState;
 use crate::deform::{Level, NormalMode, Output, SizeError, SkinJob, SkinMode};
 use crate::pose::{self, Joint12, Local, Transform};
+
+/// Seconds between frames where nobody says.
+const FRAME: f32 = 1.0 / 60.0;
 
 /// What moves an avatar in a frame.
 #[derive(Clone, Copy, Debug)]
@@ -63,6 +67,11 @@ pub struct Avatar<'r, 'a> {
     pub(super) progress: &'r mut Progress,
     pub(super) local: &'r mut [Local],
     weights: &'r mut [f32],
+    /// What correctives remember and see.
+    springs: &'r mut [f32],
+    features: &'r mut [f32],
+    /// Seconds since the frame before.
+    elapsed: f32,
     /// What a surface that follows markers remembers.
     pub(super) turns: &'r mut [f32],
     pub(super) model: &'r mut [Joint12],
@@ -90,6 +99,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             progress,
             local,
             weights,
+            springs,
             turns,
         } = state.parts(asset.dims())?;
         let scratch = workspace.parts(asset.dims())?;
@@ -106,6 +116,9 @@ impl<'r, 'a> Avatar<'r, 'a> {
             progress,
             local,
             weights,
+            springs,
+            features: scratch.features,
+            elapsed: FRAME,
             turns,
             model: scratch.model,
             palette: scratch.palette,
@@ -144,6 +157,15 @@ impl<'r, 'a> Avatar<'r, 'a> {
         self
     }
 
+    /// Says how many seconds have passed since the frame before, a sixtieth if nobody does: flesh
+    /// that correctives move swings in time. 0 shows the same moment again; a quarter of a second
+    /// or more is a cut.
+    #[must_use]
+    pub fn with_elapsed(mut self, seconds: f32) -> Self {
+        self.elapsed = seconds;
+        self
+    }
+
     /// Uses other instructions than the best ones. The output's bits stay the same.
     #[must_use]
     pub fn with_level(mut self, level: Level) -> Self {
@@ -171,6 +193,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
             return report;
         }
         pose::palette(self.asset, self.model, self.palette);
+        self.correct();
         if self.mode != SkinMode::Linear
             && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
         {
@@ -227,6 +250,23 @@ impl<'r, 'a> Avatar<'r, 'a> {
                 }
             }
         }
+    }
+
+    /// Weights of the last morph targets from how the skeleton moves.
+    fn correct(&mut self) {
+        let Some(corrective) = self.asset.corrective() else {
+            return;
+        };
+        let first = self.weights.len().checked_sub(corrective.mode_count());
+        let Some(weights) = first.and_then(|first| self.weights.get_mut(first..)) else {
+            return;
+        };
+        let mut state = CorrectiveState::resumed(&mut *self.springs, self.progress.springs);
+        // Sizes were checked when the avatar was made, so this cannot fail.
+        let (palette, seconds) = (&*self.palette, self.elapsed);
+        let _ = corrective.features(palette, seconds, &mut state, self.features);
+        self.progress.springs = state.is_started();
+        corrective.weights(self.features, weights);
     }
 
     fn rest(&mut self) {

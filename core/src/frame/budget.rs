@@ -2,6 +2,7 @@
 
 use crate::asset::{Asset, Dims, LANES};
 use crate::deform::SkinMode;
+use crate::deform::parts::corrective_multiply_adds;
 
 /// How much work a frame may do. Counts, never time, so that every machine does the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,7 +125,7 @@ pub const fn cost(dims: &Dims, budget: Budget) -> Cost {
     } else {
         skin_cost(dims, budget)
     };
-    pose_cost(dims).plus(surface)
+    pose_cost(dims).plus(corrective_cost(dims)).plus(surface)
 }
 
 /// Clip sampling, model space, palette.
@@ -145,6 +146,18 @@ const fn pose_cost(dims: &Dims) -> Cost {
         bytes_read: tracks * (16 + 4 * (search as u64 + 2) + 2 * 3 * 16)
             + joints * (40 + 2)
             + binds * (48 + 2),
+        bytes_written: 0,
+    }
+}
+
+/// Features of parts, two springs each, and the weights; what the modes move counts as morph rows.
+const fn corrective_cost(dims: &Dims) -> Cost {
+    let counts = &dims.correctives;
+    let (parts, terms) = (counts.part_count as u64, counts.term_count as u64);
+    Cost {
+        mul_adds: corrective_multiply_adds(counts.part_count, counts.term_count) as u64,
+        divisions: 5 * parts,
+        bytes_read: parts * (2 + 2 + 12 + 16) + terms * 6 + counts.mode_count as u64 * 12,
         bytes_written: 0,
     }
 }

@@ -5,6 +5,7 @@ use core::borrow::BorrowMut;
 use crate::asset::Dims;
 use crate::deform::SizeError;
 use crate::deform::laplacian::{TurnStage, exact_workspace_len, turn_state_len};
+use crate::deform::parts::{corrective_feature_count, corrective_state_len};
 use crate::math::Quat4;
 use crate::pose::{Dual17, Joint12, Local};
 
@@ -16,7 +17,12 @@ const DUAL: usize = 17;
 /// Numbers that a [`State`] needs.
 #[must_use]
 pub const fn state_len(dims: &Dims) -> usize {
-    dims.joint_count * LOCAL + dims.morph_count + turns_len(dims)
+    dims.joint_count * LOCAL + dims.morph_count + springs_len(dims) + turns_len(dims)
+}
+
+/// Numbers in which correctives remember how flesh swings.
+const fn springs_len(dims: &Dims) -> usize {
+    corrective_state_len(dims.correctives.part_count)
 }
 
 /// Numbers in which a surface that follows markers remembers how they turned.
@@ -32,7 +38,12 @@ const fn turns_len(dims: &Dims) -> usize {
 /// Numbers that a [`Workspace`] needs.
 #[must_use]
 pub const fn workspace_len(dims: &Dims) -> usize {
-    (dims.joint_count + dims.bind_count) * MATRIX + surface_len(dims)
+    (dims.joint_count + dims.bind_count) * MATRIX + features_len(dims) + surface_len(dims)
+}
+
+/// Numbers of what correctives see in a frame.
+const fn features_len(dims: &Dims) -> usize {
+    corrective_feature_count(dims.correctives.part_count)
 }
 
 /// Numbers of scratch that a surface needs besides: rotations of joints, then its handles or rows.
@@ -77,6 +88,8 @@ pub(super) struct Progress {
     pub next_block: usize,
     /// What the memory of a surface's turns holds.
     pub turns: TurnStage,
+    /// Whether the memory of springs holds an earlier frame.
+    pub springs: bool,
 }
 
 impl Progress {
@@ -84,6 +97,7 @@ impl Progress {
         posed: false,
         next_block: 0,
         turns: TurnStage::NEW,
+        springs: false,
     };
 }
 
@@ -118,11 +132,13 @@ impl<B: BorrowMut<[f32]>> State<B> {
         let numbers = exactly(self.numbers.borrow_mut(), state_len(dims), "state")?;
         let joints = (dims.joint_count * LOCAL).min(numbers.len());
         let (local, rest) = numbers.split_at_mut(joints);
-        let (weights, turns) = rest.split_at_mut(dims.morph_count.min(rest.len()));
+        let (weights, rest) = rest.split_at_mut(dims.morph_count.min(rest.len()));
+        let (springs, turns) = rest.split_at_mut(springs_len(dims).min(rest.len()));
         Ok(Kept {
             progress: &mut self.progress,
             local: local.as_chunks_mut().0,
             weights,
+            springs,
             turns,
         })
     }
@@ -135,6 +151,8 @@ pub(super) struct Kept<'b> {
     pub local: &'b mut [Local],
     /// `[morphs]`
     pub weights: &'b mut [f32],
+    /// Of correctives.
+    pub springs: &'b mut [f32],
     /// Of a surface that follows markers.
     pub turns: &'b mut [f32],
 }
@@ -179,7 +197,9 @@ impl<B: BorrowMut<[f32]>> Workspace<B> {
         let (palette, rest) = rest
             .split_at_mut_checked(dims.bind_count * MATRIX)
             .ok_or(error)?;
+        let (features, rest) = rest.split_at_mut_checked(features_len(dims)).ok_or(error)?;
         Ok(Scratch {
+            features,
             model: model.as_chunks_mut().0,
             palette: palette.as_chunks_mut().0,
             rest,
@@ -193,6 +213,8 @@ pub(super) struct Scratch<'b> {
     pub model: &'b mut [Joint12],
     /// `[binds]`
     pub palette: &'b mut [Joint12],
+    /// What correctives see.
+    pub features: &'b mut [f32],
     /// What the workspace has besides.
     pub rest: &'b mut [f32],
 }

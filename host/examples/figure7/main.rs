@@ -1,6 +1,8 @@
 //! The table of figure 7 of Park & Hodgins 2006, in millimetres, on a virtual capture.
 //!
-//! `cargo run --release -p sinew-host --example figure7 -- [--out DIR] [--markers N]`
+//! `cargo run --release -p sinew-host --example figure7 -- [--out DIR] [--markers N] [--only WHAT]`
+//!
+//! `WHAT`: table, correctives, dem_bones or speed.
 //!
 //! A skin is learnt from some motions of a body that bulges, breathes and jiggles, and compared
 //! with the true surface in others.
@@ -26,15 +28,19 @@ type Failure = Box<dyn std::error::Error>;
 
 fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
-    let (mut out, mut count) = (None, 350);
+    let (mut out, mut count, mut only) = (None, 350, None);
     while let Some(argument) = arguments.next() {
         let value = arguments.next().ok_or("an option needs a value")?;
         match argument.as_str() {
             "--out" => out = Some(PathBuf::from(value)),
             "--markers" => count = value.parse()?,
-            other => return Err(format!("{other}: give --out DIR or --markers N").into()),
+            "--only" => only = Some(value),
+            other => {
+                return Err(format!("{other}: give --out DIR, --markers N or --only WHAT").into());
+            }
         }
     }
+    let wanted = |what: &str| only.as_deref().is_none_or(|only| only == what);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let bytes = std::fs::read(root.join("examples/data/human.glb"))?;
     let (body, _) = Avatar::new(read_gltf(&bytes, "human.glb", Path::new(""))?, "human.glb")?;
@@ -75,6 +81,20 @@ fn main() -> Result<(), Failure> {
         segments.names.join(", ")
     );
 
+    let rest: Vec<DVec3> = glued
+        .iter()
+        .map(|marker| marker.on(&body.mesh.positions))
+        .collect();
+    if wanted("dem_bones") {
+        dem_bones::dem_bones(&root)?;
+    }
+    if wanted("correctives") {
+        let glued = (&glued[..], &rest[..]);
+        correctives::correctives(&body, glued, &set, &learnt_from, &held_out)?;
+    }
+    if !(wanted("table") || wanted("speed")) {
+        return Ok(());
+    }
     let mut frames = Vec::new();
     for clip in learnt_from.iter().flatten() {
         let film = Body::new(
@@ -95,10 +115,6 @@ fn main() -> Result<(), Failure> {
         frames: 240,
         ..Options::default()
     };
-    let rest: Vec<DVec3> = glued
-        .iter()
-        .map(|marker| marker.on(&body.mesh.positions))
-        .collect();
     let learnt = learn(&body.mesh, &segments, (&glued, &rest), &frames, &options)?;
     println!(
         "learnt from {} frames in {:.1} s",
@@ -138,6 +154,9 @@ fn main() -> Result<(), Failure> {
                 "{name:22} {:7.2} {:7.2} {:7.1} {:7.2} {:7.3} {:7.2} {:7.2}°",
                 row.mean, row.percentile_95, row.max, row.marker, row.jitter, row.noise, row.normal
             );
+            if noise == 0.0 {
+                worst_places(&body, &rest, &row.largest);
+            }
             regions.push((name, row.by_vertex));
         }
         println!();
@@ -145,15 +164,6 @@ fn main() -> Result<(), Failure> {
             by_joint(&body, &regions);
         }
     }
-    correctives::correctives(
-        &body,
-        &segments,
-        (&glued, &rest),
-        &set,
-        &learnt_from,
-        &held_out,
-    )?;
-    dem_bones::dem_bones(&root)?;
     speed::speed(&learnt, &body, &set.positions(&truth[0][0]))?;
     if let Some(folder) = out {
         sheets::sheets(&learnt, &body, &truth, &set, &folder)?;
@@ -194,6 +204,36 @@ fn carried(body: &Avatar) -> Vec<bool> {
             .any(|&(bind, weight)| finger(bind) && weight > 0.02)
     })
     .collect()
+}
+
+/// Where the largest errors are: vertices at least 4 cm apart.
+fn worst_places(body: &Avatar, markers: &[DVec3], largest: &[f64]) {
+    let positions = &body.mesh.positions;
+    let mut order: Vec<usize> = (0..largest.len()).collect();
+    order.sort_by(|&a, &b| largest[b].total_cmp(&largest[a]));
+    let mut shown: Vec<usize> = Vec::new();
+    for vertex in order {
+        if shown.len() == 4 {
+            break;
+        }
+        let far = |&other: &usize| positions[other].distance(positions[vertex]) > 0.04;
+        if !shown.iter().all(far) {
+            continue;
+        }
+        shown.push(vertex);
+        let joints = body.skin.influences[vertex].iter().map(|&(bind, weight)| {
+            let joint = body.skin.binds[bind as usize].joint;
+            format!("{} {weight:.2}", body.skeleton.joints[joint].name)
+        });
+        let near = markers.iter().map(|m| m.distance(positions[vertex]));
+        println!(
+            "      {:5.1} mm at vertex {vertex}, {:.0} mm from a marker, height {:.2}: {}",
+            largest[vertex],
+            1e3 * near.fold(f64::INFINITY, f64::min),
+            positions[vertex].y,
+            joints.collect::<Vec<_>>().join(", ")
+        );
+    }
 }
 
 /// Mean error of each mode over the vertices of each joint, millimetres.
@@ -250,6 +290,8 @@ struct Row {
     normal: f64,
     /// `[vertices]`: mean over frames.
     by_vertex: Vec<f64>,
+    /// `[vertices]`: largest over frames; 0 where it does not count.
+    largest: Vec<f64>,
 }
 
 fn measure(
@@ -268,6 +310,7 @@ fn measure(
     let (mut errors, mut markers, mut turns) = (Vec::new(), Vec::new(), Vec::new());
     let (mut jitter, mut jitters) = (0.0, 0.0);
     let mut by_vertex = vec![0.0; counted.len()];
+    let mut largest = vec![0.0_f64; counted.len()];
     let frames = truth.iter().map(Vec::len).sum::<usize>() as f64;
     for run in truth {
         let mut last: Vec<Vec<DVec3>> = Vec::new();
@@ -296,10 +339,12 @@ fn measure(
                 .zip(&surface.positions)
                 .map(|(a, b)| *a - *b)
                 .collect();
-            for ((d, counted), sum) in off.iter().zip(counted).zip(&mut by_vertex) {
-                *sum += 1e3 * d.length() / frames;
+            for (vertex, (d, counted)) in off.iter().zip(counted).enumerate() {
+                let length = 1e3 * d.length();
+                by_vertex[vertex] += length / frames;
                 if *counted {
-                    errors.push(1e3 * d.length());
+                    errors.push(length);
+                    largest[vertex] = largest[vertex].max(length);
                 }
             }
             let glued = set.positions(&found).into_iter();
@@ -333,6 +378,7 @@ fn measure(
         noise: f64::sqrt(added / f64::max(counts, 1.0)),
         normal,
         by_vertex,
+        largest,
     })
 }
 

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::model::{Mesh, Skin};
 
-/// Boxes at rest, morph targets in full included.
+/// Boxes at rest, morph targets in full included, and correctives as far as they go.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RestBounds {
     /// `[binds]`: low and high corner; low above high where a bind moves nothing.
@@ -17,16 +17,23 @@ pub struct RestBounds {
 
 const EMPTY: [f64; 6] = [1.0, 1.0, 1.0, -1.0, -1.0, -1.0];
 
-/// `wider`: metres by which stored positions may differ. O(vertices x influences^2)
+/// `wider`: metres by which stored positions may differ; `ranges`: least and largest weights of the
+/// last morph targets, where they are not from 0 to 1. O(vertices x (influences^2 + morphs))
 #[must_use]
-pub fn rest_bounds(mesh: &Mesh, skin: &Skin, wider: f64) -> RestBounds {
+pub fn rest_bounds(mesh: &Mesh, skin: &Skin, wider: f64, ranges: &[[f32; 2]]) -> RestBounds {
+    let usual = mesh.morphs.len().saturating_sub(ranges.len());
+    let range = |morph: usize| match morph.checked_sub(usual) {
+        Some(at) => ranges[at].map(f64::from),
+        None => [0.0, 1.0],
+    };
     let mut boxes = vec![EMPTY; skin.binds.len()];
     let mut pairs: BTreeMap<[u16; 2], [f64; 6]> = BTreeMap::new();
     for (vertex, influences) in skin.influences.iter().enumerate() {
         let (mut low, mut high) = (mesh.positions[vertex], mesh.positions[vertex]);
-        for morph in &mesh.morphs {
-            low += morph.positions[vertex].min(DVec3::ZERO);
-            high += morph.positions[vertex].max(DVec3::ZERO);
+        for (at, morph) in mesh.morphs.iter().enumerate() {
+            let [least, most] = range(at).map(|weight| weight * morph.positions[vertex]);
+            low += least.min(most).min(DVec3::ZERO);
+            high += least.max(most).max(DVec3::ZERO);
         }
         let (low, high) = (low - wider, high + wider);
         for (at, &(bind, _)) in influences.iter().enumerate() {

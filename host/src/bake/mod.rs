@@ -15,6 +15,7 @@ pub mod write;
 
 use sinew_core::asset::{Asset, AssetError, Dims, SectionKind};
 
+use crate::fit::correctives::CorrectiveData;
 use crate::fit::laplace::rig::{Rig, Tables};
 use crate::fit::live::MarkerModel;
 use crate::model::{Avatar, Mesh, Skin};
@@ -160,6 +161,35 @@ pub fn bake_with(
     marker_skin: Option<&write::MarkerSkinData>,
     markers: Option<&MarkerModel>,
 ) -> Result<Baked, BakeError> {
+    let additions = Additions {
+        marker_skin,
+        markers,
+        correctives: None,
+    };
+    bake_adding(avatar, options, &additions)
+}
+
+/// What an asset holds besides a skeleton's skin and its clips.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Additions<'a> {
+    /// A skin that markers drive.
+    pub marker_skin: Option<&'a write::MarkerSkinData>,
+    /// A marker set for live labelling.
+    pub markers: Option<&'a MarkerModel>,
+    /// What moves the body's last morph targets, see
+    /// [`Correctives::on`](crate::fit::correctives::Correctives::on).
+    pub correctives: Option<&'a CorrectiveData>,
+}
+
+/// [`bake`] with more in it.
+///
+/// # Errors
+/// As [`bake`].
+pub fn bake_adding(
+    avatar: &Avatar,
+    options: &BakeOptions,
+    additions: &Additions<'_>,
+) -> Result<Baked, BakeError> {
     let blocks = blocks::arrange(&avatar.skin);
     let clips = clips::reduce(avatar, options.key_tolerance, options.compression);
     let find_centres =
@@ -200,15 +230,17 @@ pub fn bake_with(
         });
     }
     let wider = pack_error.map_or(0.0, |error| error.position);
-    let bounds = bounds::rest_bounds(&avatar.mesh, &avatar.skin, wider);
+    let ranges = additions.correctives.map_or(&[][..], |data| &data.ranges);
+    let bounds = bounds::rest_bounds(&avatar.mesh, &avatar.skin, wider, ranges);
     let extras = write::Extras {
         centres: centres.as_deref(),
         packed: packed.as_ref(),
         bounds: Some(&bounds),
         levels: &levels,
-        marker_skin,
+        marker_skin: additions.marker_skin,
         laplacian: None,
-        markers,
+        markers: additions.markers,
+        correctives: additions.correctives,
     };
     let baked = finish(avatar, &blocks, &clips, &extras)?;
     Ok(Baked {

@@ -1,6 +1,7 @@
 //! The asset's bytes, as `core/SPEC.md` describes them.
 
 mod clips;
+mod correctives;
 mod laplacian;
 mod marker_skin;
 mod markers;
@@ -22,6 +23,7 @@ use super::blocks::Blocks;
 use super::bounds::RestBounds;
 use super::clips::SparseClips;
 use super::quantise::Packed;
+use crate::fit::correctives::CorrectiveData;
 use crate::fit::laplace::rig::Tables;
 use crate::fit::live::MarkerModel;
 use crate::model::Avatar;
@@ -39,6 +41,8 @@ pub struct Extras<'e> {
     pub markers: Option<&'e MarkerModel>,
     /// A skin that markers drive.
     pub marker_skin: Option<&'e MarkerSkinData>,
+    /// What predicts the weights of the last morph targets.
+    pub correctives: Option<&'e CorrectiveData>,
     /// Positions and normals in 16-bit numbers instead of 32-bit ones.
     pub packed: Option<&'e Packed>,
     /// Boxes at rest.
@@ -84,6 +88,9 @@ pub fn write(
     }
     if let Some(skin) = extras.marker_skin {
         writer.marker_skin(skin)?;
+    }
+    if let Some(data) = extras.correctives {
+        writer.correctives(data)?;
     }
     writer.levels(extras.levels)?;
     writer.finish()

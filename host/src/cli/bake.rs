@@ -13,7 +13,7 @@ use super::say::{Say, bytes, notices_json, thousands};
 use super::track::learn_from;
 use super::verify::{measure, to_json as error_json};
 use super::{Failure, cost, load};
-use crate::bake::{BakeOptions, BakeReport, Baked, bake_with};
+use crate::bake::{Additions, BakeOptions, BakeReport, Baked, bake_adding};
 use crate::export::write_atomic;
 use crate::fit::weights::WeightOptions;
 use crate::fit::{Correspondence, Options, Reference, feet, floor, retarget};
@@ -23,6 +23,7 @@ use crate::simplify::simplify;
 use crate::verify::BAKE_LIMIT;
 use sinew_core::frame::Budget;
 
+mod correctives;
 mod laplacian;
 
 /// Turn a body and captured motion into an asset, and say how good it is and what it will cost.
@@ -38,6 +39,7 @@ Examples:
   sinew bake --mesh body.glb --centres --levels 5000,2000 --output game.sinew
   sinew bake --mesh body.glb --vertices 2000 --influences 4 --quantise --compress 0.5 --output device.sinew
   sinew bake --mesh body.glb --markers dense.c3d --output body.sinew
+  sinew bake --mesh body.glb --correctives dense.c3d --motion walk.bvh --output body.sinew
   sinew bake --mesh body.glb --markers dense.c3d --mode hybrid --rest-frame 40 --output body.sinew
   sinew bake --mode laplacian --mesh scan.ply --markers take.c3d --output scan.sinew
   sinew bake --mode laplacian --mesh scan.obj --template walk.bvh --picture markers.png \\
@@ -77,6 +79,8 @@ pub(crate) struct Bake {
     laplacian: laplacian::Laplacian,
     #[command(flatten)]
     from_markers: FromMarkers,
+    #[command(flatten)]
+    correctives: correctives::FromCapture,
     /// Compress clips: joints, and skin 100 mm around them, may stray so many millimetres.
     #[arg(long, value_name = "MM")]
     compress: Option<f64>,
@@ -228,9 +232,17 @@ impl Bake {
         } else {
             Some(learn_from(&self.marker_set, self.fitting.reading, say)?)
         };
+        let flesh = self.correctives.learn(&body, self.fitting.reading, say)?;
+        if let Some((correctives, _)) = &flesh {
+            body = correctives.on(&body);
+        }
         let learnt = self.from_markers.learn(&body, self.fitting.reading, say)?;
-        let marker_skin = learnt.as_ref().map(|learnt| &learnt.0);
-        let baked = bake_with(&body, &options, marker_skin, marker_set.as_ref())?;
+        let additions = Additions {
+            marker_skin: learnt.as_ref().map(|learnt| &learnt.0),
+            markers: marker_set.as_ref(),
+            correctives: flesh.as_ref().map(|flesh| &flesh.0.data),
+        };
+        let baked = bake_adding(&body, &options, &additions)?;
         let asset = baked.bytes.asset()?;
         tell(&baked.report, say);
         let error = measure(&asset, &body, say);
@@ -251,6 +263,9 @@ impl Bake {
         object["cost"] = cost::to_json(&asset, length, Budget::UNLIMITED);
         if let Some((_, report)) = learnt {
             object["marker_skin"] = report;
+        }
+        if let Some((_, report)) = flesh {
+            object["correctives"] = report;
         }
         object["notices"] = notices_json(&notices);
         Ok(object)

@@ -106,11 +106,14 @@ impl Live {
         let mut session = VmcSession::new(receiver, body.skeleton, self.pairs.clone(), record);
         let mut watch = Watch::new(self.seconds, self.idle, say);
         let (mut shown, mut flagged) = (0_u64, 0_u64);
+        let mut last = std::time::Instant::now();
         while watch.goes_on(session.receiver.tally.frames, || {
             status(&session.receiver, &session.latencies)
         }) {
             if let Some(pose) = session.pose(WAIT)? {
                 let pose: Vec<_> = pose.iter().map(core_transform).collect();
+                player.set_elapsed(last.elapsed().as_secs_f64());
+                last = std::time::Instant::now();
                 let report = player.step(&sinew_core::frame::Input::Pose(&pose));
                 flagged += u64::from(!report.flags.is_empty());
                 session.shown();

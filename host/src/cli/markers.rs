@@ -171,7 +171,7 @@ impl FromMarkers {
 }
 
 /// Frames in which all of these markers are seen, with their positions.
-fn complete(take: &Take, markers: &[usize]) -> Vec<(usize, Vec<DVec3>)> {
+pub(super) fn complete(take: &Take, markers: &[usize]) -> Vec<(usize, Vec<DVec3>)> {
     let of = |frame: usize| {
         let all = markers.iter().map(|&marker| take.position(marker, frame));
         Some((frame, all.collect::<Option<Vec<_>>>()?))

@@ -145,7 +145,7 @@ impl Play {
                 bar.finish_and_clear();
                 count
             }
-            "glb" if self.mode != Mode::Linear => {
+            "glb" if self.mode != Mode::Linear || asset.corrective().is_some() => {
                 let times = frame_times(motion.duration(), self.rate.unwrap_or(own_rate));
                 let file = frames_glb(player, &body, &motion, &times, say)?;
                 write_atomic(&self.output, |out| Ok(out.write_all(&file)?))?;

@@ -4,6 +4,7 @@
 //! the two are matched ([`correspond`]), the motion is carried over by rotation alone
 //! ([`retarget`](mod@retarget)), and the soles are put on the floor ([`floor`]).
 
+pub mod correctives;
 pub mod correspond;
 pub mod cut;
 mod error;

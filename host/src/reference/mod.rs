@@ -3,6 +3,7 @@
 //! Slow and simple on purpose: what the core computes is judged against these.
 
 pub mod aim;
+pub mod correctives;
 pub mod dual;
 pub mod laplacian;
 pub mod marked;

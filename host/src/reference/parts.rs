@@ -22,9 +22,14 @@ pub fn positions(
         ModeData::Collapsed { order, slots } => {
             add(order, slots, markers, &mut out);
         }
-        ModeData::Hybrid { blocks, slots } => {
+        ModeData::Hybrid {
+            blocks,
+            slots,
+            linear,
+        } => {
             let frames = frames(rig, markers);
-            let residuals = residuals(rig, markers, &frames);
+            let blend = if *linear { mean } else { blend };
+            let residuals = residuals(rig, markers, &frames, blend);
             for (block, vertices) in blocks.order.chunks(LANES).enumerate() {
                 for (lane, &vertex) in vertices.iter().enumerate() {
                     out[vertex as usize] = vector(blocks.positions[block].map(|x| x[lane]));
@@ -105,7 +110,7 @@ fn frames(rig: &RigTables, markers: &[DVec3]) -> Vec<DAffine3> {
 }
 
 /// `[markers]`: where a marker is, carried back to the rest pose, less where it was there.
-fn residuals(rig: &RigTables, markers: &[DVec3], frames: &[DAffine3]) -> Vec<DVec3> {
+fn residuals(rig: &RigTables, markers: &[DVec3], frames: &[DAffine3], blend: Blend) -> Vec<DVec3> {
     let one = |(marker, &position): (usize, &DVec3)| {
         let range = rig.carrier_starts[marker] as usize..rig.carrier_starts[marker + 1] as usize;
         let row: Vec<(usize, f64)> = range
@@ -118,6 +123,19 @@ fn residuals(rig: &RigTables, markers: &[DVec3], frames: &[DAffine3]) -> Vec<DVe
         frame.inverse().transform_point3(position) - vector(rig.rest[marker])
     };
     markers.iter().enumerate().map(one).collect()
+}
+
+/// Frames and (part, weight) to one motion.
+type Blend = fn(&[DAffine3], &[(usize, f64)]) -> DAffine3;
+
+/// Matrices blended.
+fn mean(frames: &[DAffine3], row: &[(usize, f64)]) -> DAffine3 {
+    let mut sum = DAffine3::ZERO;
+    for &(part, weight) in row {
+        sum.matrix3 += frames[part].matrix3 * weight;
+        sum.translation += frames[part].translation * weight;
+    }
+    sum
 }
 
 /// Dual quaternions blended (Kavan et al. 2008, section 3).

@@ -1,7 +1,7 @@
 //! Coarser levels: whole assets that fit the one they are in.
 
 use super::below;
-use crate::asset::{ALIGNMENT, Asset, AssetError, SectionKind};
+use crate::asset::{ALIGNMENT, Asset, AssetError, CorrectiveDims, SectionKind};
 
 /// The table; the levels themselves are checked as assets, then by [`fits`].
 pub(super) fn table(asset: &Asset<'_>) -> Result<(), AssetError> {
@@ -49,7 +49,10 @@ pub(super) fn fits(asset: &Asset<'_>, level: &Asset<'_>, row: usize) -> Result<(
     let (dims, section) = (level.dims, SectionKind::Levels);
     let [_, _, vertices, blocks] = asset.levels.table.get(row).copied().unwrap_or_default();
     let counted = dims.vertex_count == vertices as usize && dims.block_count == blocks as usize;
-    let bare = dims.level.count == 0 && dims.clip_count == 0 && dims.packed.track_count == 0;
+    let bare = dims.level.count == 0
+        && dims.clip_count == 0
+        && dims.packed.track_count == 0
+        && dims.correctives == CorrectiveDims::default();
     if !(same && counted && bare && dims.level.source_count == dims.vertex_count) {
         return Err(AssetError::Level { row });
     }

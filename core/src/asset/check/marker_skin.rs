@@ -1,7 +1,7 @@
 //! The skin that markers drive. Its tables prove themselves, as they do without an asset.
 
 use super::name;
-use crate::asset::marker_skin::{COLLAPSED, EXACT, HYBRID, MarkerSkinSections};
+use crate::asset::marker_skin::{COLLAPSED, EXACT, HYBRID, LINEAR_HYBRID, MarkerSkinSections};
 use crate::asset::sections::Sections;
 use crate::asset::{Asset, AssetError, MarkerSkin, SectionKind as K};
 use crate::deform::parts::{ExactTables, MarkerRigTables, MarkerSlots, PartBlocks};
@@ -29,7 +29,7 @@ pub(super) fn check<'a>(
     if dims.part_count == 0 {
         return fault(1);
     }
-    if !matches!(dims.mode, EXACT | COLLAPSED | HYBRID) {
+    if !matches!(dims.mode, EXACT | COLLAPSED | HYBRID | LINEAR_HYBRID) {
         return fault(4);
     }
     if dims.mode == COLLAPSED && dims.part_slot_count != 0 {

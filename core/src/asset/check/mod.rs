@@ -3,6 +3,7 @@
 mod blocks;
 mod bounds;
 mod clips;
+mod correctives;
 mod laplacian;
 mod levels;
 mod marker_skin;
@@ -49,6 +50,7 @@ fn contents(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     markers::check(&asset)?;
     packed::check(&asset)?;
     asset.marker_skin = marker_skin::check(&asset, &sections)?;
+    asset.corrective = correctives::check(&asset, &sections)?;
     Ok(asset)
 }
 
@@ -122,6 +124,7 @@ fn all_views<'a>(sections: &Sections<'a>) -> Result<Asset<'a>, AssetError> {
         },
         laplacian: LaplacianView::find(sections)?,
         marker_skin: None,
+        corrective: None,
         marker_names: sections.view(SectionKind::MarkerNames)?,
     })
 }

@@ -18,7 +18,7 @@ use crate::deform::lanes::Lanes;
 use crate::deform::output::Output;
 use crate::deform::skin::to_unit_length;
 use crate::deform::store::Store;
-use crate::math::Affine12;
+use crate::math::{Affine12, inverse_sqrt};
 
 /// Columns of a part's transformation: three linear, three squares, three products, a constant.
 pub(super) const COLUMNS: usize = 10;
@@ -112,7 +112,8 @@ impl<'a> Exact<'a> {
         self.tables.blocks.block_count()
     }
 
-    /// Multiplications of a frame with normals when all residuals are solved; an upper bound.
+    /// Multiplications of a frame with normals when all residuals are solved; an upper bound, which
+    /// counts every member of a part although those out of a block's reach are passed over.
     #[must_use]
     pub fn multiply_adds(&self) -> usize {
         let members = |part: usize| row(self.tables.member_starts, part).len();
@@ -270,12 +271,17 @@ impl Stream<'_, '_> {
         let (half, sixth) = (L::splat(token, 0.5), L::splat(token, 1.0 / 6.0));
         let four = L::splat(token, 4.0);
         let dilation = self.tables.dilations.get(part).copied().unwrap_or(0.0);
+        let ball = Ball::around(moved.position, 2.0 / dilation);
         let dilation = L::splat(token, dilation);
         let [x, y, z] = moved.position;
         let mut shift = [zero; 3];
         let mut slope = [[zero; 3]; 3];
         let range = row(self.tables.member_starts, part);
         for &[cx, cy, cz, wx, wy, wz] in self.handles.members.get(range).unwrap_or_default() {
+            // It would add zeros, so leaving it out changes no bit.
+            if ball.is_beyond([cx, cy, cz]) {
+                continue;
+            }
             let dx = x.sub(L::splat(token, cx)).mul(dilation);
             let dy = y.sub(L::splat(token, cy)).mul(dilation);
             let dz = z.sub(L::splat(token, cz)).mul(dilation);
@@ -317,6 +323,43 @@ impl Stream<'_, '_> {
         for (at, shift) in moved.position.iter_mut().zip(shift) {
             *at = at.add(shift);
         }
+    }
+}
+
+/// What a centre must be in to reach one of some lanes.
+struct Ball {
+    middle: [f32; 3],
+    radius2: f32,
+}
+
+impl Ball {
+    #[inline(always)]
+    fn around<L: Lanes>(position: [L; 3], reach: f32) -> Self {
+        let mut lanes = [[0.0; LANES]; 3];
+        let mut middle = [0.0; 3];
+        for ((lanes, position), middle) in lanes.iter_mut().zip(position).zip(&mut middle) {
+            position.put(lanes, 0);
+            *middle = lanes.iter().take(L::WIDTH).sum::<f32>() * (1.0 / L::WIDTH as f32);
+        }
+        let ([mx, my, mz], [xs, ys, zs]) = (middle, lanes);
+        let mut widest = 0.0_f32;
+        for ((x, y), z) in xs.into_iter().zip(ys).zip(zs).take(L::WIDTH) {
+            let (x, y, z) = (x - mx, y - my, z - mz);
+            widest = widest.max(x * x + y * y + z * z);
+        }
+        // A thousandth more than exact numbers would need, for what rounding adds.
+        let radius = 1.001 * (reach + widest * inverse_sqrt(widest + 1e-20));
+        Self {
+            middle,
+            radius2: radius * radius,
+        }
+    }
+
+    #[inline(always)]
+    fn is_beyond(&self, [x, y, z]: [f32; 3]) -> bool {
+        let [a, b, c] = self.middle;
+        let (x, y, z) = (x - a, y - b, z - c);
+        x * x + y * y + z * z > self.radius2
     }
 }
 

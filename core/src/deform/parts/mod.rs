@@ -8,7 +8,7 @@
 //! - [`Exact`]: the paper's quadratic transformation and radial-basis residual of each part, solved
 //!   each frame.
 //!
-//! [`Corrective`] predicts the residuals of the hybrid mode where there are no markers.
+//! Where there are no markers, [`Corrective`] predicts weights of morph targets from the skeleton.
 //!
 //! In every mode the normal of a vertex follows from two tangents that move with it; no mode looks
 //! at triangles.
@@ -23,11 +23,15 @@ mod motion;
 mod rig;
 mod rig_check;
 mod slots;
+mod springs;
 
 use super::lanes::Lanes;
 
 pub use collapsed::Collapsed;
-pub use corrective::{Corrective, CorrectiveState, CorrectiveTables, PART_FEATURES};
+pub use corrective::{
+    BEND_FEATURES, Corrective, CorrectiveState, CorrectiveTables, PART_FEATURES,
+    corrective_feature_count, corrective_multiply_adds, corrective_state_len,
+};
 pub use error::{PartsError, PartsTable};
 pub use exact::{Exact, ExactTables};
 pub use exact_frame::{

@@ -1,7 +1,7 @@
 //! Rigid motions as they are kept, blended and undone.
 
 use super::rig_check::FAR;
-use crate::math::{Quat4, affine, conjugate, inverse_sqrt, quaternion_product, transform_vector};
+use crate::math::{Affine12, Quat4, conjugate, inverse_sqrt, quaternion_product};
 use crate::pose::Dual17;
 use crate::solve::dense::Rigid;
 
@@ -24,10 +24,26 @@ pub(super) fn shortened(vector: [f32; 3], limit: f32) -> Option<[f32; 3]> {
     Some(vector.map(|value| value * factor))
 }
 
-/// A point of this frame in the rest pose.
-pub(super) fn carried_back(frame: &Rigid, position: [f32; 3]) -> [f32; 3] {
-    let back = affine(conjugate(frame.rotation), [0.0; 3], [1.0; 3]);
-    transform_vector(&back, less(position, frame.translation))
+/// Blends that shrink space further than this are undone as if they were rotations.
+const SHRUNK: f32 = 0.05;
+
+/// A point of this frame in the rest pose: by Cramer's rule.
+pub(super) fn carried_back(frame: &Affine12, [px, py, pz]: [f32; 3]) -> [f32; 3] {
+    let &[a, b, c, x, d, e, f, y, g, h, i, z] = frame;
+    let v = [px - x, py - y, pz - z];
+    let adjugate = [
+        [e * i - f * h, c * h - b * i, b * f - c * e],
+        [f * g - d * i, a * i - c * g, c * d - a * f],
+        [d * h - e * g, b * g - a * h, a * e - b * d],
+    ];
+    let [[p, q, r], ..] = adjugate;
+    let determinant = a * p + d * q + g * r;
+    let (rows, share) = if determinant > SHRUNK {
+        (adjugate, 1.0 / determinant)
+    } else {
+        ([[a, d, g], [b, e, h], [c, f, i]], 1.0)
+    };
+    rows.map(|[p, q, r]| (p * v[0] + q * v[1] + r * v[2]) * share)
 }
 
 pub(super) fn to_dual(frame: &Rigid) -> Dual17 {

@@ -16,7 +16,8 @@ use super::slots::row;
 use crate::asset::NO_PARENT;
 use crate::deform::SizeError;
 use crate::math::{
-    Affine12, Quat4, affine, conjugate, dot4, normalise, quaternion_product, transform_point,
+    Affine12, IDENTITY, Quat4, affine, conjugate, dot4, normalise, quaternion_product,
+    transform_point,
 };
 use crate::pose::Dual17;
 use crate::solve::dense::{Pair, Rigid, absolute_orientation};
@@ -33,6 +34,7 @@ const REFITS: usize = 2;
 #[derive(Clone, Copy, Debug)]
 pub struct MarkerRig<'a> {
     tables: MarkerRigTables<'a>,
+    linear: bool,
 }
 
 /// What following the markers found.
@@ -106,7 +108,7 @@ pub struct Followed<'w> {
     pub residuals: &'w [[f32; 3]],
     /// `[parts]`: from the rest pose to this frame.
     pub palette: &'w [Affine12],
-    /// `[parts]`: the same as dual quaternions.
+    /// `[parts]`: the same as dual quaternions; empty where frames are blended linearly.
     pub duals: &'w [Dual17],
     /// What was missing.
     pub report: FollowReport,
@@ -119,7 +121,17 @@ impl<'a> MarkerRig<'a> {
     /// The first fault, with its place.
     pub fn new_checked(tables: MarkerRigTables<'a>) -> Result<Self, PartsError> {
         check(&tables)?;
-        Ok(Self { tables })
+        Ok(Self {
+            tables,
+            linear: false,
+        })
+    }
+
+    /// Carries markers by linear blends of part frames instead of dual quaternions.
+    #[must_use]
+    pub const fn with_linear_blend(mut self, linear: bool) -> Self {
+        self.linear = linear;
+        self
     }
 
     /// The tables.
@@ -205,7 +217,7 @@ impl<'a> MarkerRig<'a> {
         }
         let out = complete.iter_mut().zip(residuals.iter_mut()).zip(held);
         for (marker, ((complete, residual), held)) in out.enumerate() {
-            let frame = self.carried(marker, duals);
+            let frame = self.carried(marker, palette, duals);
             let rest = self.tables.rest.get(marker).copied().unwrap_or_default();
             let seen = positions.get(marker).filter(|position| usable(position));
             let (limited, keep) = match seen {
@@ -225,10 +237,9 @@ impl<'a> MarkerRig<'a> {
             *complete = match seen {
                 Some(position) if keep => *position,
                 _ => {
-                    let matrix = affine(frame.rotation, frame.translation, [1.0; 3]);
                     let [x, y, z] = rest;
                     let [a, b, c] = limited;
-                    transform_point(&matrix, [x + a, y + b, z + c])
+                    transform_point(&frame, [x + a, y + b, z + c])
                 }
             };
         }
@@ -236,7 +247,7 @@ impl<'a> MarkerRig<'a> {
             positions: complete,
             residuals,
             palette,
-            duals,
+            duals: if self.linear { &[] } else { duals },
             report,
         })
     }
@@ -330,40 +341,55 @@ impl<'a> MarkerRig<'a> {
         }
     }
 
-    /// The blended motion at a marker (Kavan et al. 2008, section 3).
-    fn carried(&self, marker: usize, duals: &[Dual17]) -> Rigid {
+    /// The blended motion at a marker.
+    fn carried(&self, marker: usize, palette: &[Affine12], duals: &[Dual17]) -> Affine12 {
         let range = row(self.tables.carrier_starts, marker);
         let parts = self.tables.carrier_parts.get(range.clone());
         let weights = self.tables.carrier_weights.get(range);
-        let mut sum = [0.0_f32; 8];
-        let carriers = parts
-            .unwrap_or_default()
-            .iter()
-            .zip(weights.unwrap_or_default());
-        for (&part, &weight) in carriers {
-            let Some(dual) = duals.get(usize::from(part)) else {
-                continue;
-            };
-            let near: f32 = sum
-                .iter()
-                .zip(dual)
-                .take(4)
-                .map(|(sum, value)| sum * value)
-                .sum();
-            let signed = if near < 0.0 { -weight } else { weight };
-            for (sum, value) in sum.iter_mut().zip(dual) {
-                *sum += signed * value;
+        let parts = parts.unwrap_or_default().iter().map(|&p| usize::from(p));
+        let carriers = parts.zip(weights.unwrap_or_default());
+        if self.linear {
+            let mut sum = [0.0_f32; 12];
+            for (part, weight) in carriers {
+                let matrix = palette.get(part).unwrap_or(&IDENTITY);
+                for (sum, value) in sum.iter_mut().zip(matrix) {
+                    *sum += weight * value;
+                }
             }
+            return sum;
         }
-        let [x, y, z, w, a, b, c, d] = sum;
-        let length2 = dot4([x, y, z, w], [x, y, z, w]);
-        if !(1e-12..=1e12).contains(&length2) {
-            return Rigid::REST;
-        }
-        let factor = crate::math::inverse_sqrt(length2);
-        let unit = |q: Quat4| q.map(|value| value * factor);
-        rigid(unit([x, y, z, w]), unit([a, b, c, d]))
+        let carriers = carriers.filter_map(|(part, weight)| Some((duals.get(part)?, *weight)));
+        let Rigid {
+            rotation,
+            translation,
+        } = blended(carriers);
+        affine(rotation, translation, [1.0; 3])
     }
+}
+
+/// A blend of dual quaternions (Kavan et al. 2008, section 3).
+fn blended<'d>(carriers: impl Iterator<Item = (&'d Dual17, f32)>) -> Rigid {
+    let mut sum = [0.0_f32; 8];
+    for (dual, weight) in carriers {
+        let near: f32 = sum
+            .iter()
+            .zip(dual)
+            .take(4)
+            .map(|(sum, value)| sum * value)
+            .sum();
+        let signed = if near < 0.0 { -weight } else { weight };
+        for (sum, value) in sum.iter_mut().zip(dual) {
+            *sum += signed * value;
+        }
+    }
+    let [x, y, z, w, a, b, c, d] = sum;
+    let length2 = dot4([x, y, z, w], [x, y, z, w]);
+    if !(1e-12..=1e12).contains(&length2) {
+        return Rigid::REST;
+    }
+    let factor = crate::math::inverse_sqrt(length2);
+    let unit = |q: Quat4| q.map(|value| value * factor);
+    rigid(unit([x, y, z, w]), unit([a, b, c, d]))
 }
 
 struct Handles<'w> {

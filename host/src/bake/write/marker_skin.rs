@@ -28,7 +28,7 @@ impl Writer {
             mode: match &skin.mode {
                 ModeData::Exact { .. } => 1,
                 ModeData::Collapsed { .. } => 2,
-                ModeData::Hybrid { .. } => 3,
+                ModeData::Hybrid { linear, .. } => 3 + usize::from(*linear),
             },
             ..MarkerSkinDims::default()
         };
@@ -47,7 +47,7 @@ impl Writer {
         let mut smoothing = 0.0;
         match &skin.mode {
             ModeData::Collapsed { slots, .. } => self.marker_slots(slots),
-            ModeData::Hybrid { blocks, slots } => {
+            ModeData::Hybrid { blocks, slots, .. } => {
                 self.part_blocks(blocks);
                 self.marker_slots(slots);
             }

@@ -4,7 +4,7 @@
 //! A surface that skinning moves is linear in the markers: a rigid part is an affine combination
 //! of its markers, a blend is a blend of such combinations. So each block takes the few markers
 //! that explain it best (orthogonal matching pursuit) and least squares finds the shares. The
-//! ridge is the noise that the markers are expected to have, no more and no less.
+//! ridge is the noise that the markers are expected to have, doubled.
 
 use glam::DVec3;
 use sinew_core::asset::LANES;
@@ -20,6 +20,8 @@ const CANDIDATES: usize = 40;
 const MIDDLE: usize = 4;
 /// Markers taken between two fits.
 const STRIDE: usize = 2;
+/// The ridge, in squares of the markers' noise: what a few candidates repeat of it adds up.
+const CAUTION: f64 = 4.0;
 /// Weight of the rest shape, turned any way, against all frames.
 const REST: f64 = 0.5;
 
@@ -121,7 +123,7 @@ impl Fit {
         for example in examples {
             fit.add(vertices, near, skin, example, &tilts, 1.0);
         }
-        let ridge = NOISE * NOISE * 3.0 * (examples.len() as f64 + weight);
+        let ridge = CAUTION * NOISE * NOISE * 3.0 * (examples.len() as f64 + weight);
         for at in 0..n {
             fit.gram[at * n + at] += ridge;
         }

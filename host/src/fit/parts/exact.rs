@@ -22,8 +22,8 @@ pub struct Ridge {
 impl Default for Ridge {
     fn default() -> Self {
         Self {
-            quadratic: 1e-2,
-            linear: 1e-2,
+            quadratic: 2e-2,
+            linear: 2e-2,
             constant: 1e-3,
         }
     }
@@ -35,7 +35,7 @@ const AFFINE_MARKERS: usize = 5;
 /// Least support of the radial basis, in marker spacings.
 const LEAST_SUPPORT: f64 = 2.0;
 /// Added to the diagonal of the radial-basis systems.
-const SMOOTHING: f32 = 0.01;
+const SMOOTHING: f32 = 0.04;
 const COLUMNS: usize = 10;
 
 /// Tables of all parts. `memberships`: `[markers]` of (part, weight); `rest`: `[markers]`, metres;

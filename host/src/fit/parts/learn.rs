@@ -118,7 +118,12 @@ pub fn learn(
     let by_surface = patches::by_surface(&distances);
 
     let mut rig = rig::tables(segments, markers, rest, 1e3);
-    let residuals = residuals(&rig, &owned)?;
+    // Flesh blends its frames one way or the other; the markers show which leaves them less to say.
+    let [dual, mean] = [false, true].map(|linear| residuals(&rig, &owned, linear));
+    let (dual, mean) = (dual?, mean?);
+    let sum = |all: &[Vec<DVec3>]| -> f64 { all.iter().flatten().map(|r| r.length()).sum() };
+    let linear = sum(&mean) < sum(&dual);
+    let residuals = if linear { mean } else { dual };
     let longest = residuals.iter().flatten().map(|r| r.length());
     let longest = longest.fold(0.0, f64::max);
     rig.residual_limit = (MARGIN * longest).max(LEAST_LIMIT) as f32;
@@ -131,8 +136,13 @@ pub fn learn(
     let order = patches::by_parts(&by_surface, &segments.vertex_weights);
     let blocks = patches::tables(order, &segments.vertex_weights, positions, normals);
     let most = options.hybrid_markers;
+    let fields = skin.local(fields, markers);
     let slots = hybrid::slots(&blocks.order, &skin, &fields, &residuals, most);
-    let hybrid = ModeData::Hybrid { blocks, slots };
+    let hybrid = ModeData::Hybrid {
+        blocks,
+        slots,
+        linear,
+    };
 
     let mut player = MarkerPlayer::new(&rig, &hybrid)?;
     let mut example = |markers: &Vec<DVec3>| {
@@ -205,9 +215,13 @@ fn check(
 }
 
 /// `[frames][markers]`: residuals as the core finds them.
-fn residuals(rig: &RigTables, frames: &[Vec<DVec3>]) -> Result<Vec<Vec<DVec3>>, PartsFitError> {
+fn residuals(
+    rig: &RigTables,
+    frames: &[Vec<DVec3>],
+    linear: bool,
+) -> Result<Vec<Vec<DVec3>>, PartsFitError> {
     use sinew_core::deform::parts::{RigState, rig_state_len, rig_workspace_len};
-    let rig = rig.rig()?;
+    let rig = rig.rig()?.with_linear_blend(linear);
     let (markers, parts) = (rig.marker_count(), rig.part_count());
     let mut state = RigState::with(vec![0.0; rig_state_len(markers, parts)]);
     let mut workspace = vec![0.0; rig_workspace_len(markers, parts)];

@@ -14,8 +14,6 @@
 //! | [`measure`](mod@measure) | all of it | errors on what was not seen |
 
 pub mod collapsed;
-pub mod corrective_skin;
-pub mod correctives;
 mod error;
 pub mod exact;
 pub mod glue;

@@ -32,7 +32,7 @@ impl<'t> MarkerPlayer<'t> {
     /// # Errors
     /// Tables that the core refuses.
     pub fn new(rig: &'t RigTables, mode: &'t ModeData) -> Result<Self, PartsError> {
-        let rig = rig.rig()?;
+        let rig = rig.rig()?.with_linear_blend(mode.is_linear());
         let mode = mode.view((rig.part_count(), rig.marker_count()))?;
         Ok(Self::of(MarkerSkin { rig, mode }))
     }

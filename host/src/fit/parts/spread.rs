@@ -18,6 +18,10 @@ use sinew_core::deform::parts::tangents_of;
 const HOLD: f64 = 100.0;
 /// Weights fade over this many marker spacings where there is no marker.
 const REACH: f64 = 2.5;
+/// Local weights fade out below twice this,
+const RIPPLE: f64 = 0.03;
+/// and between so many marker spacings from the nearest marker.
+const EXTENT: [f64; 2] = [1.0, 2.0];
 
 /// A surface prepared for spreading; vertices in one place count as one.
 #[derive(Debug)]
@@ -126,6 +130,31 @@ impl Skin {
         self.hold(lower, markers, &ones)
     }
 
+    /// Biharmonic weights `[markers][vertices]` without their ripples and without what they
+    /// extrapolate: flesh is alike near a marker, and no marker tells what lies far from all.
+    /// O(markers vertices)
+    #[must_use]
+    pub fn local(&self, mut weights: Vec<Vec<f64>>, markers: &[Glued]) -> Vec<Vec<f64>> {
+        let distances = self.distances(markers);
+        let [near, far] = EXTENT.map(|extent| extent * self.spacing);
+        for vertex in 0..self.welded.len() {
+            let whole: f64 = weights.iter().map(|field| field[vertex]).sum();
+            for field in &mut weights {
+                let weight = &mut field[vertex];
+                *weight *= smooth_step((weight.abs() - RIPPLE) / RIPPLE);
+            }
+            let kept: f64 = weights.iter().map(|field| field[vertex]).sum();
+            let nearest = distances.iter().map(|d| f64::from(d[vertex]));
+            let away = nearest.fold(f64::INFINITY, f64::min);
+            let fade = smooth_step((far - away) / (far - near));
+            let share = fade * (whole / kept.max(1e-3)).clamp(0.0, 1.5);
+            for field in &mut weights {
+                field[vertex] *= share;
+            }
+        }
+        weights
+    }
+
     fn hold(
         &self,
         mut lower: Vec<(u32, u32, f64)>,
@@ -191,6 +220,12 @@ impl Skin {
         });
         Ok(fields)
     }
+}
+
+/// From 0 to 1 without a kink.
+fn smooth_step(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * (3.0 - 2.0 * x)
 }
 
 /// Least-squares derivative over the neighbours of a vertex.

@@ -128,6 +128,8 @@ pub enum ModeData {
         blocks: BlockTables,
         /// Markers of blocks.
         slots: SlotTables,
+        /// Whether frames are blended linearly, and not as dual quaternions.
+        linear: bool,
     },
     /// Quadratic parts with radial-basis residuals.
     Exact {
@@ -148,7 +150,7 @@ impl ModeData {
             Self::Collapsed { order, slots } => {
                 MarkerMode::Collapsed(Collapsed::new_checked(order, slots.view(), markers)?)
             }
-            Self::Hybrid { blocks, slots } => MarkerMode::Hybrid(Hybrid::new_checked(
+            Self::Hybrid { blocks, slots, .. } => MarkerMode::Hybrid(Hybrid::new_checked(
                 blocks.view(),
                 slots.view(),
                 (parts, markers),
@@ -169,6 +171,12 @@ impl ModeData {
                 MarkerMode::Exact(Exact::new_checked(tables, markers)?)
             }
         })
+    }
+
+    /// Whether frames are blended linearly.
+    #[must_use]
+    pub fn is_linear(&self) -> bool {
+        matches!(self, Self::Hybrid { linear: true, .. })
     }
 
     /// `[vertices]`: vertex of each lane.
