@@ -8,6 +8,7 @@ pub mod body;
 pub mod budgets;
 pub mod cases;
 pub mod dense;
+pub mod driven;
 pub mod filming;
 pub mod gltf_oracle;
 pub mod hidden;
@@ -16,6 +17,8 @@ pub mod laplacian;
 pub mod limb;
 pub mod live;
 pub mod marker_film;
+pub mod storm;
+pub mod tiny;
 
 use std::path::{Path, PathBuf};
 

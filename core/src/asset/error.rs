@@ -126,6 +126,11 @@ pub enum AssetError {
     },
     /// Tables of a Laplacian deformer that are not usable.
     Laplacian(LaplacianError),
+    /// The asset holds what this build of the core leaves out.
+    NotBuilt {
+        /// The feature of this crate that reads it.
+        feature: &'static str,
+    },
 }
 
 impl AssetError {
@@ -137,6 +142,7 @@ impl AssetError {
             Self::NotAnAsset => "give a file that `sinew bake` wrote",
             Self::Version { .. } => "bake it again with the version that reads it",
             Self::Checksum { .. } => "the file is damaged: copy or bake it again",
+            Self::NotBuilt { .. } => "build sinew-core with that feature",
             Self::Misaligned => {
                 "load it to an address that is a multiple of 16, or use include_asset!"
             }
@@ -220,6 +226,12 @@ impl fmt::Display for AssetError {
                 "coarser level {row} has another skeleton, other names or counts, or clips"
             ),
             Self::MarkerSkin(error) => write!(f, "marker-driven skin: {error}"),
+            Self::NotBuilt { feature } => {
+                write!(
+                    f,
+                    "the asset needs the feature `{feature}`, which was left out"
+                )
+            }
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;
         write!(f, "; {}", self.hint())
