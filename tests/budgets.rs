@@ -85,6 +85,13 @@ impl Fingerprints {
             frames: text("frames")?,
         })
     }
+
+    /// The table of that case.
+    #[must_use]
+    pub fn to_table(&self, key: &str) -> String {
+        let Self { asset, frames } = self;
+        format!("\n[{key}]\nasset = \"{asset}\"\nframes = \"{frames}\"\n")
+    }
 }
 
 /// The table inside tables that `key` names, its parts joined by dots.

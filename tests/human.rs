@@ -1,13 +1,16 @@
-//! The bundled body with its captured walk and kneel, as `sinew demo` bakes it.
+//! The bundled body with its captured walk and kneel, as `sinew demo` bakes it; the bundled hand.
 
 use std::fs;
 use std::path::Path;
+use std::sync::OnceLock;
 
+use glam::DQuat;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake};
 use sinew_host::fit::{Correspondence, Options, floor, retarget};
+use sinew_host::import::Channel;
 use sinew_host::import::gltf::read_gltf;
 use sinew_host::import::read_bvh;
-use sinew_host::model::{Avatar, Motion};
+use sinew_host::model::{Avatar, Clip, Motion, Track};
 use sinew_host::simplify::simplify;
 
 use crate::root;
@@ -70,13 +73,22 @@ pub fn small_asset_of_every_mode() -> AssetBytes {
     bake(&body, &options).expect("bakes").bytes
 }
 
-fn small_body() -> Avatar {
-    let mut body = avatar();
-    body.clips.truncate(1);
-    body.skin.limit(4);
-    let simple = simplify(&body, 2000);
-    (body.mesh, body.skin) = (simple.mesh, simple.skin);
-    body
+/// The body with its walk alone, 2,000 vertices, at most 4 influences.
+///
+/// # Panics
+/// When the bundled files are absent or no longer fit.
+#[must_use]
+pub fn small_body() -> Avatar {
+    static BODY: OnceLock<Avatar> = OnceLock::new();
+    let simplified = || {
+        let mut body = avatar();
+        body.clips.truncate(1);
+        body.skin.limit(4);
+        let simple = simplify(&body, 2000);
+        (body.mesh, body.skin) = (simple.mesh, simple.skin);
+        body
+    };
+    BODY.get_or_init(simplified).clone()
 }
 
 /// The body with its walk and kneel, before baking.
@@ -103,4 +115,39 @@ pub fn avatar() -> Avatar {
         body.clips.push(fitted.clip);
     }
     body
+}
+
+/// The bundled VR hand of 25 joints, closing and opening; its clip compressed to half a millimetre.
+///
+/// # Panics
+/// When the bundled file is absent or no longer sound.
+#[must_use]
+pub fn hand() -> AssetBytes {
+    let file = fs::read(root().join("examples/data/hand.glb")).expect("the bundled hand");
+    let raw = read_gltf(&file, "hand.glb", Path::new("")).expect("a hand");
+    let (mut hand, _) = Avatar::new(raw, "hand.glb").expect("a sound hand");
+    let times: Vec<f64> = (0..=30).map(|frame| f64::from(frame) / 30.0).collect();
+    let fingers = hand.skeleton.joints.iter().enumerate();
+    let tracks = fingers.filter(|(_, joint)| joint.name.contains("phalanx"));
+    let tracks = tracks.map(|(index, joint)| {
+        let grip = |seconds: &f64| {
+            let angle = 0.6 * (1.0 - (std::f64::consts::TAU * seconds).cos());
+            (joint.rest.rotation * DQuat::from_rotation_x(angle)).to_array()
+        };
+        let values = times.iter().map(grip).collect();
+        Track::linear(index, Channel::Rotation, &times, values)
+    });
+    hand.clips = vec![Clip {
+        name: "grip".into(),
+        tracks: tracks.collect(),
+        duration: 1.0,
+        sample_period: Some(1.0 / 30.0),
+        ..Clip::default()
+    }];
+    let options = BakeOptions {
+        quantised: true,
+        compression: Some(5e-4),
+        ..BakeOptions::default()
+    };
+    bake(&hand, &options).expect("bakes").bytes
 }

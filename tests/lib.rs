@@ -10,6 +10,7 @@ pub mod budgets;
 pub mod cases;
 pub mod cut;
 pub mod dense;
+pub mod driven;
 pub mod filming;
 pub mod gltf_oracle;
 pub mod hidden;
@@ -18,6 +19,8 @@ pub mod laplacian;
 pub mod limb;
 pub mod live;
 pub mod marker_film;
+pub mod storm;
+pub mod tiny;
 
 use std::path::{Path, PathBuf};
 

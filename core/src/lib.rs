@@ -14,11 +14,24 @@
 //! 3 x 4. `SPEC.md` describes every byte of an asset, `DESIGN.md` says why.
 //!
 //! # Features
+//! On by default, so that a firmware can leave out the code of what its asset does not hold:
+//! - `laplacian`: surfaces that follow their joints as markers.
+//! - `marker-skin`: skins that dense markers drive.
+//! - `modes`: skinning other than linear, normals by the inverse transpose.
+//!
+//! Off by default:
 //! - `simd`: vector instructions through `fearless_simd`.
 //! - `std`: detects them at run time.
 //! - `defmt`: `defmt::Format` for errors and reports.
+//! - `micromath`: less exact arithmetic for cores without a fast floating-point unit. Its bits are
+//!   not those of other builds: [`math`] states the errors.
 #![no_std]
 #![forbid(unsafe_code)]
+// A feature that is left out leaves code that nothing calls, and the linker drops.
+#![cfg_attr(
+    not(all(feature = "laplacian", feature = "marker-skin", feature = "modes")),
+    allow(dead_code)
+)]
 
 pub mod asset;
 pub mod deform;

@@ -16,6 +16,9 @@ fn main() {
     };
     println!("cargo:rustc-link-search={}", board.display());
     println!("cargo:rustc-link-arg-bins=-Tlink.x");
+    if env::var_os("CARGO_FEATURE_LOG").is_some() {
+        println!("cargo:rustc-link-arg-bin=log=-Tdefmt.x");
+    }
     println!(
         "cargo:rerun-if-changed={}",
         board.join("memory.x").display()

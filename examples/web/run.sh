@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the core for WebAssembly, with and without vector instructions, plays the bundled body in
-# Node, runs every case of tests/cases.rs, and compares the hashes with tests/golden/fingerprints.toml.
+# Node, runs every case of tests/cases.rs, and compares the hashes with this machine's.
 #
 # Exit status: 0 done, 1 something is wrong, 77 skipped for want of a program.
 set -euo pipefail
@@ -19,18 +19,14 @@ asset=$here/target/human.sinew
 bundled "$asset"
 cases=$(cd "$root" && cargo run --release --quiet -p sinew-tests --example cases -- \
     "$here/target/cases")
-# expected CASE: its committed hash.
-expected() {
-    sed -n "/^\[$1\]/,/^\[/s/^frames = \"\(.*\)\"/\1/p" "$root/tests/golden/fingerprints.toml"
-}
 
 for features in "" +simd128; do
     echo "target features: ${features:-none}"
     (cd "$here" && RUSTFLAGS="-C target-feature=$features" \
         cargo build --release --quiet --locked --target $target)
     module=$here/target/$target/release/sinew_web.wasm
-    node "$here/run.mjs" "$module" "$asset" "$(expected skin.human)"
-    while read -r case file; do
-        node "$here/run.mjs" "$module" "$file" "$(expected "$case")" "${case%%.*}"
+    node "$here/run.mjs" "$module" "$asset" "$(awk '$1 == "skin.human" { print $3 }' <<< "$cases")"
+    while read -r case file hash; do
+        node "$here/run.mjs" "$module" "$file" "$hash" "${case%%.*}"
     done <<< "$cases"
 done

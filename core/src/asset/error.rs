@@ -128,6 +128,11 @@ pub enum AssetError {
     },
     /// Tables of a Laplacian deformer that are not usable.
     Laplacian(LaplacianError),
+    /// The asset holds what this build of the core leaves out.
+    NotBuilt {
+        /// The feature of this crate that reads it.
+        feature: &'static str,
+    },
 }
 
 impl AssetError {
@@ -139,6 +144,7 @@ impl AssetError {
             Self::NotAnAsset => "give a file that `sinew bake` wrote",
             Self::Version { .. } => "bake it again with the version that reads it",
             Self::Checksum { .. } => "the file is damaged: copy or bake it again",
+            Self::NotBuilt { .. } => "build sinew-core with that feature",
             Self::Misaligned => {
                 "load it to an address that is a multiple of 16, or use include_asset!"
             }
@@ -223,6 +229,12 @@ impl fmt::Display for AssetError {
             ),
             Self::MarkerSkin(error) => write!(f, "marker-driven skin: {error}"),
             Self::Correctives(error) => write!(f, "correctives: {error}"),
+            Self::NotBuilt { feature } => {
+                write!(
+                    f,
+                    "the asset needs the feature `{feature}`, which was left out"
+                )
+            }
             Self::Name { section, row } => write!(f, "the name of {section:?} {row} is not UTF-8"),
         }?;
         write!(f, "; {}", self.hint())

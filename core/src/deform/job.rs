@@ -3,6 +3,7 @@
 use core::ops::Range;
 
 use super::Level;
+#[cfg(feature = "modes")]
 use super::dual::{Centres, DualQuaternion};
 use super::linear::Linear;
 use super::morph::Morphs;
@@ -26,9 +27,11 @@ pub enum SkinMode {
     /// Weighted sum of unit dual quaternions, after a linear blend of what is not rotation
     /// (Kavan, Collins, Zara and O'Sullivan, *Geometric Skinning with Approximate Dual Quaternion
     /// Blending*, 2008). Twists keep their volume, bends bulge a little.
+    #[cfg(feature = "modes")]
     DualQuaternion,
     /// Blended rotation about a centre found beforehand (Le and Hodgins, *Real-time Skeletal
     /// Skinning with Optimized Centers of Rotation*, 2016). Needs an asset with centres.
+    #[cfg(feature = "modes")]
     CentresOfRotation,
 }
 
@@ -40,6 +43,7 @@ pub enum NormalMode {
     #[default]
     Fast,
     /// Its inverse transpose: exact for every matrix that can be inverted.
+    #[cfg(feature = "modes")]
     InverseTranspose,
 }
 
@@ -85,7 +89,9 @@ impl<'p> SkinJob<'p> {
     pub fn run(&self, asset: &Asset<'_>, blocks: Range<usize>, output: &mut Output<'_>) {
         match self.mode {
             SkinMode::Linear => self.blend(asset, blocks, self.linear_blend(), output),
+            #[cfg(feature = "modes")]
             SkinMode::DualQuaternion => self.blend(asset, blocks, self.dual_blend(), output),
+            #[cfg(feature = "modes")]
             SkinMode::CentresOfRotation => {
                 self.blend(asset, blocks, Centres(self.dual_blend()), output);
             }
@@ -116,10 +122,12 @@ impl<'p> SkinJob<'p> {
                 let blend = self.linear_blend();
                 vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
             }
+            #[cfg(feature = "modes")]
             SkinMode::DualQuaternion => {
                 let blend = self.dual_blend();
                 vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
             }
+            #[cfg(feature = "modes")]
             SkinMode::CentresOfRotation => {
                 let blend = Centres(self.dual_blend());
                 vertices::some(&self.task(asset, blend, 0..0), ids, positions, normals);
@@ -141,7 +149,7 @@ impl<'p> SkinJob<'p> {
             },
             blend,
             normals: Either {
-                exact: self.normals == NormalMode::InverseTranspose,
+                exact: self.normals != NormalMode::Fast,
             },
             blocks,
         }
@@ -153,6 +161,7 @@ impl<'p> SkinJob<'p> {
         }
     }
 
+    #[cfg(feature = "modes")]
     fn dual_blend(&self) -> DualQuaternion<'p> {
         DualQuaternion {
             palette: self.palette,

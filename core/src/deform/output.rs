@@ -1,8 +1,9 @@
 //! Where vertices go: the caller's buffers, in the caller's layout.
 
 use core::fmt;
+use core::ops::Range;
 
-use crate::asset::Dims;
+use crate::asset::{Dims, LANES};
 
 /// Which vertex goes where in the output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,6 +52,13 @@ impl Attribute {
             return None;
         }
         self.stride.checked_mul(vertex_count)
+    }
+
+    /// The same where the buffer starts with another vertex than the first. Vertices before it then
+    /// lie beyond the end of every buffer.
+    const fn from(self, vertex: usize) -> Self {
+        let offset = self.offset.wrapping_sub(vertex.wrapping_mul(self.stride));
+        Self { offset, ..self }
     }
 
     /// Whether two attributes of these widths share a number of one vertex, or disagree on where
@@ -116,6 +124,8 @@ pub struct Output<'o> {
     buffers: [&'o mut [f32]; 3],
     pub(super) order: VertexOrder,
     vertex_count: usize,
+    /// The vertices that the buffers have room for: all, or in block order some.
+    held: Range<usize>,
 }
 
 impl<'o> Output<'o> {
@@ -141,6 +151,37 @@ impl<'o> Output<'o> {
             buffers: [positions, normals, &mut []],
             order: VertexOrder::Source,
             vertex_count: dims.vertex_count,
+            held: 0..dims.vertex_count,
+        })
+    }
+
+    /// Some blocks alone, in block order, three numbers a vertex: so threads, or a core and a DMA
+    /// channel, share one buffer, each with a piece of its own. What a frame writes to other blocks
+    /// is dropped.
+    ///
+    /// `positions`, `normals`: `[vertices of the blocks]`; blocks that do not exist are left out.
+    ///
+    /// # Errors
+    /// [`SizeError::TooSmall`] below three numbers a vertex.
+    pub fn of_blocks(
+        dims: &Dims,
+        blocks: Range<usize>,
+        positions: &'o mut [f32],
+        normals: Option<&'o mut [f32]>,
+    ) -> Result<Self, SizeError> {
+        let vertex = |block: usize| block.saturating_mul(LANES).min(dims.vertex_count);
+        let (first, end) = (vertex(blocks.start), vertex(blocks.end));
+        let held = first..end.max(first);
+        let piece = Dims {
+            vertex_count: held.len(),
+            ..*dims
+        };
+        let output = Self::separate(&piece, positions, normals)?;
+        Ok(Self {
+            order: VertexOrder::Block,
+            vertex_count: dims.vertex_count,
+            held,
+            ..output
         })
     }
 
@@ -170,6 +211,7 @@ impl<'o> Output<'o> {
             buffers: [vertices, &mut [], &mut []],
             order: VertexOrder::Source,
             vertex_count: dims.vertex_count,
+            held: 0..dims.vertex_count,
         })
     }
 
@@ -181,7 +223,7 @@ impl<'o> Output<'o> {
     pub fn with_tangents(mut self, tangents: &'o mut [f32]) -> Result<Self, SizeError> {
         self.tangents = Some((Attribute::PACKED_FOUR, true));
         fits_width(
-            self.vertex_count,
+            self.held.len(),
             Attribute::PACKED_FOUR,
             4,
             "tangents",
@@ -199,7 +241,7 @@ impl<'o> Output<'o> {
     /// overlap what else is in it.
     pub fn with_interleaved_tangents(mut self, tangents: Attribute) -> Result<Self, SizeError> {
         let [first, ..] = &self.buffers;
-        fits_width(self.vertex_count, tangents, 4, "tangents", first.len())?;
+        fits_width(self.held.len(), tangents, 4, "tangents", first.len())?;
         let collides = tangents.collides(4, self.positions, 3)
             || self
                 .normals
@@ -213,21 +255,36 @@ impl<'o> Output<'o> {
         Ok(self)
     }
 
-    /// The same with another vertex order.
+    /// The same with another vertex order; an output [of some blocks](Self::of_blocks) keeps its own.
     #[must_use]
     pub fn in_order(mut self, order: VertexOrder) -> Self {
-        self.order = order;
+        if self.is_whole() {
+            self.order = order;
+        }
         self
+    }
+
+    /// Whether there is room for every vertex.
+    fn is_whole(&self) -> bool {
+        self.held.len() == self.vertex_count
+    }
+
+    /// The vertices that there is room for.
+    #[inline(always)]
+    pub(super) fn held(&self) -> Range<usize> {
+        self.held.clone()
     }
 
     /// The buffers alone, so that a kernel can hold them in registers.
     #[inline(always)]
     pub(super) fn writer(&mut self) -> Writer<'_> {
         let [first, second, third] = &mut self.buffers;
+        let start = self.held.start;
+        let from_start = |(attribute, apart): (Attribute, bool)| (attribute.from(start), apart);
         Writer {
-            positions: self.positions,
-            normals: self.normals,
-            tangents: self.tangents,
+            positions: self.positions.from(start),
+            normals: self.normals.map(from_start),
+            tangents: self.tangents.map(from_start),
             first,
             second,
             third,
@@ -315,7 +372,9 @@ impl Writer<'_> {
 
 #[inline(always)]
 fn put<const N: usize>(buffer: &mut [f32], attribute: Attribute, vertex: usize, value: [f32; N]) {
-    let at = vertex * attribute.stride + attribute.offset;
+    let at = vertex
+        .wrapping_mul(attribute.stride)
+        .wrapping_add(attribute.offset);
     let slot = buffer.get_mut(at..).and_then(<[f32]>::first_chunk_mut);
     if let Some(slot) = slot {
         *slot = value;

@@ -71,11 +71,11 @@ pub(super) struct Slots<'a> {
 }
 
 pub(super) fn scalar<B: Blend>(job: &Task<'_, '_, B>, output: &mut Output<'_>) {
+    #[cfg(feature = "modes")]
     if job.normals.exact {
-        scalar_by(job, Always::<true>, output);
-    } else {
-        scalar_by(job, Always::<false>, output);
+        return scalar_by(job, Always::<true>, output);
     }
+    scalar_by(job, Always::<false>, output);
 }
 
 /// A function of its own for every blend: together they would fight for registers.

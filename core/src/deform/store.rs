@@ -106,21 +106,25 @@ pub(super) struct Rows<'s> {
     wants_normals: bool,
     /// Empty for block order.
     order: &'s [u32],
+    /// The vertex with which the buffers start.
+    start: usize,
 }
 
 impl<'s> Rows<'s> {
     /// `None` for another layout. `source_order`: `[vertices]`.
     pub fn new(source_order: &'s [u32], output: &'s mut Output<'_>) -> Option<Self> {
         let order = order(source_order, output);
+        let held = output.held();
         let (positions, normals) = output.separated()?;
         let wants_normals = normals.is_some();
         // Lanes beyond the last vertex find no place.
-        let positions = positions.as_chunks_mut().0.get_mut(..source_order.len())?;
+        let positions = positions.as_chunks_mut().0.get_mut(..held.len())?;
         Some(Self {
             positions,
             normals: normals.unwrap_or_default().as_chunks_mut().0,
             wants_normals,
             order,
+            start: held.start,
         })
     }
 
@@ -128,7 +132,7 @@ impl<'s> Rows<'s> {
     fn place(&self, vertex: usize) -> usize {
         match self.order.get(vertex) {
             Some(&source) => source as usize,
-            None if self.order.is_empty() => vertex,
+            None if self.order.is_empty() => vertex.wrapping_sub(self.start),
             None => usize::MAX,
         }
     }
@@ -186,6 +190,8 @@ impl Store for Rows<'_> {
 pub(super) struct Packed<'s> {
     positions: &'s mut [[f32; 3 * LANES]],
     normals: Option<&'s mut [[f32; 3 * LANES]]>,
+    /// The block with which the buffers start.
+    start: usize,
 }
 
 #[cfg(feature = "simd")]
@@ -195,10 +201,12 @@ impl<'s> Packed<'s> {
         if output.order == VertexOrder::Source {
             return None;
         }
+        let start = output.held().start / LANES;
         let (positions, normals) = output.separated()?;
         Some(Self {
             positions: positions.as_chunks_mut().0,
             normals: normals.map(|normals| normals.as_chunks_mut().0),
+            start,
         })
     }
 }
@@ -211,12 +219,13 @@ impl Store for Packed<'_> {
     }
     #[inline(always)]
     fn positions<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]) {
-        if let Some(to) = self.positions.get_mut(block) {
+        if let Some(to) = self.positions.get_mut(block.wrapping_sub(self.start)) {
             L::store_rows(xyz, to, first);
         }
     }
     #[inline(always)]
     fn normals<L: Lanes>(&mut self, block: usize, first: usize, xyz: [L; 3]) {
+        let block = block.wrapping_sub(self.start);
         if let Some(to) = self.normals.as_mut().and_then(|all| all.get_mut(block)) {
             L::store_rows(xyz, to, first);
         }

@@ -1,11 +1,12 @@
 //! The whole of a frame.
 
 use core::borrow::BorrowMut;
-use core::ops::Range;
 
-use super::buffers::{Kept, Progress, dual_len, dual_parts, duals_of};
-use super::{Budget, Flags, FrameReport, State, Workspace, any_mode_workspace_len};
+use super::buffers::{Kept, Progress, duals_of};
+use super::rota::Due;
+use super::{Budget, Flags, FrameReport, State, Workspace};
 use crate::asset::Asset;
+#[cfg(feature = "correctives")]
 use crate::deform::parts::CorrectiveState;
 use crate::deform::{Level, NormalMode, Output, SizeError, SkinJob, SkinMode};
 use crate::pose::{self, Joint12, Local, Transform};
@@ -79,7 +80,7 @@ pub struct Avatar<'r, 'a> {
     /// What the workspace has besides.
     pub(super) spare: &'r mut [f32],
     /// Whether some bind has a stretch; only known in modes other than linear.
-    stretched: bool,
+    pub(super) stretched: bool,
     pub(super) level: Level,
     pub(super) mode: SkinMode,
     normals: NormalMode,
@@ -130,26 +131,6 @@ impl<'r, 'a> Avatar<'r, 'a> {
         })
     }
 
-    /// Blends transforms in another way than linearly.
-    ///
-    /// # Errors
-    /// [`ModeError`] where the workspace is smaller than [`any_mode_workspace_len`], or where the
-    /// asset was baked without the data.
-    pub fn with_mode(mut self, mode: SkinMode) -> Result<Self, ModeError> {
-        let dims = self.asset.dims();
-        if mode != SkinMode::Linear && self.spare.len() < dual_len(dims) {
-            return Err(ModeError::Workspace {
-                needed: any_mode_workspace_len(dims),
-            });
-        }
-        let blended = dims.block_count - dims.rigid_block_count.min(dims.block_count);
-        if mode == SkinMode::CentresOfRotation && dims.centre_block_count != blended {
-            return Err(ModeError::NoCentres);
-        }
-        self.mode = mode;
-        Ok(self)
-    }
-
     /// Moves normals in another way than by the position's matrix.
     #[must_use]
     pub fn with_normals(mut self, normals: NormalMode) -> Self {
@@ -188,18 +169,16 @@ impl<'r, 'a> Avatar<'r, 'a> {
         if pose::to_model(self.asset, self.local, self.model) > 0 {
             report.flags |= Flags::OVERFLOW;
         }
+        #[cfg(feature = "laplacian")]
         if let Some(surface) = self.asset.laplacian() {
             self.follow(&surface, budget, output, &mut report);
             return report;
         }
         pose::palette(self.asset, self.model, self.palette);
+        #[cfg(feature = "correctives")]
         self.correct();
-        if self.mode != SkinMode::Linear
-            && let Some((rotations, duals)) = dual_parts(self.asset.dims(), self.spare)
-        {
-            pose::rotations(self.asset, self.local, rotations);
-            self.stretched = pose::duals(self.asset, self.palette, rotations, duals);
-        }
+        #[cfg(feature = "modes")]
+        self.find_duals();
         self.skin(budget, output, &mut report);
         report
     }
@@ -253,6 +232,7 @@ impl<'r, 'a> Avatar<'r, 'a> {
     }
 
     /// Weights of the last morph targets from how the skeleton moves.
+    #[cfg(feature = "correctives")]
     fn correct(&mut self) {
         let Some(corrective) = self.asset.corrective() else {
             return;
@@ -284,8 +264,10 @@ impl<'r, 'a> Avatar<'r, 'a> {
         }
     }
 
-    /// What moves vertices after the last step.
-    pub(super) fn job(&self) -> SkinJob<'_> {
+    /// What moves vertices after the last step: for ranges of blocks that the caller shares out among
+    /// cores. A step with [`Budget::blocks`]`(0)` finds the pose alone.
+    #[must_use]
+    pub fn job(&self) -> SkinJob<'_> {
         SkinJob {
             palette: self.palette,
             duals: duals_of(self.asset.dims(), self.spare),
@@ -300,77 +282,33 @@ impl<'r, 'a> Avatar<'r, 'a> {
     /// Continues at the block where the frame before stopped, so that under a steady budget every
     /// block is brought up to date in turn.
     fn skin(&mut self, budget: Budget, output: &mut Output<'_>, report: &mut FrameReport) {
-        let Some([first, second]) = self.due(budget, output, report) else {
+        let Some(due) = self.due(budget, output, report) else {
             return;
         };
         let job = self.job();
-        job.run(self.asset, first, output);
-        job.run(self.asset, second, output);
+        for blocks in due.into_iter().filter(|blocks| !blocks.is_empty()) {
+            job.run(self.asset, blocks, output);
+        }
     }
 
-    /// The blocks whose turn it is, in two ranges: to the end, and again from the start. None for an
-    /// output of another asset.
+    /// The blocks whose turn it is. None for an output of another asset.
     pub(super) fn due(
         &mut self,
         budget: Budget,
         output: &Output<'_>,
         report: &mut FrameReport,
-    ) -> Option<[Range<usize>; 2]> {
+    ) -> Option<Due> {
         let blocks = self.asset.dims().block_count;
         if !output.fits(self.asset.dims()) {
             report.flags |= Flags::WRONG_OUTPUT;
             report.blocks_left = blocks;
             return None;
         }
-        let count = budget.blocks.min(blocks);
-        let first = if count == blocks {
-            0
-        } else {
-            self.progress.next_block.min(blocks)
-        };
-        let end = first.saturating_add(count);
-        report.blocks_done = count;
-        report.blocks_left = blocks - count;
-        if end <= blocks {
-            self.progress.next_block = if end == blocks { 0 } else { end };
-            return Some([first..end, 0..0]);
-        }
-        let wrapped = end - blocks;
-        self.progress.next_block = wrapped;
-        Some([first..blocks, 0..wrapped])
+        report.blocks_done = budget.blocks.min(blocks);
+        report.blocks_left = blocks - report.blocks_done;
+        Some(self.progress.rota.due(blocks, &budget))
     }
 }
-
-/// A mode that cannot be had.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[non_exhaustive]
-pub enum ModeError {
-    /// The workspace is too small.
-    Workspace {
-        /// Numbers needed.
-        needed: usize,
-    },
-    /// The asset holds no centres of rotation.
-    NoCentres,
-}
-
-impl core::fmt::Display for ModeError {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Workspace { needed } => write!(
-                f,
-                "this mode needs a workspace of {needed} numbers; size it by any_mode_workspace_len"
-            ),
-            Self::NoCentres => write!(
-                f,
-                "the asset holds no centres of rotation; bake it with them"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for ModeError {}
 
 /// `seconds` into one round of `duration`.
 fn wrap(seconds: f32, duration: f32) -> f32 {

@@ -1,5 +1,7 @@
 //! What a frame may cost, and what it costs.
 
+use core::ops::Range;
+
 use crate::asset::{Asset, Dims, LANES};
 use crate::deform::SkinMode;
 use crate::deform::parts::corrective_multiply_adds;
@@ -13,6 +15,8 @@ pub struct Budget {
     pub blocks: usize,
     /// Solves of an exact Laplacian surface: one a frame at most, none to show the last one again.
     pub solves: usize,
+    /// First of the blocks that come before all others, and the one after the last.
+    urgent: [usize; 2],
 }
 
 impl Budget {
@@ -20,6 +24,7 @@ impl Budget {
     pub const UNLIMITED: Self = Self {
         blocks: usize::MAX,
         solves: usize::MAX,
+        urgent: [0; 2],
     };
 
     /// At most this many blocks of eight vertices a frame.
@@ -40,6 +45,71 @@ impl Budget {
 }
 
 impl Budget {
+    /// Brings these blocks up to date in every frame, before others get their turn: what is near,
+    /// or looked at. [`Asset::slots`] says which joints move a block. Others keep one block of every
+    /// frame at least.
+    #[must_use]
+    pub const fn with_urgent(mut self, blocks: Range<usize>) -> Self {
+        self.urgent = [blocks.start, blocks.end];
+        self
+    }
+
+    /// The urgent ones of so many blocks, cut so that others are left.
+    pub(super) const fn urgent_of(&self, blocks: usize) -> Range<usize> {
+        let [start, end] = self.urgent;
+        let end = least(end, blocks);
+        let start = least(start, end);
+        let allowed = least(self.blocks, blocks);
+        let room = if allowed < blocks {
+            allowed.saturating_sub(1)
+        } else {
+            allowed
+        };
+        start..start + least(end - start, room)
+    }
+
+    /// Frames after which every one of `blocks` has been brought up to date: how old a vertex may
+    /// be under a steady budget. `usize::MAX` where the budget has none.
+    #[must_use]
+    pub const fn frames_to_all(&self, blocks: usize) -> usize {
+        let urgent = self.urgent_of(blocks);
+        let urgent = urgent.end - urgent.start;
+        let others = least(self.blocks, blocks) - urgent;
+        if blocks == 0 {
+            0
+        } else if others == 0 {
+            usize::MAX
+        } else {
+            (blocks - urgent).div_ceil(others)
+        }
+    }
+
+    /// The most blocks a frame whose [`cost`] stays within so many multiply-adds; none where the
+    /// pose alone costs more. So a caller hands out a frame's work to its stages in the order of
+    /// their worth: each takes what it needs of what is left. O(log blocks); usable in a `const`.
+    ///
+    /// ```
+    /// use sinew_core::{asset::Dims, frame::{Budget, cost}};
+    /// # const BYTES: &[u8] = sinew_core::include_asset!("../../../tests/golden/arm.sinew");
+    /// const DIMS: Dims = Dims::of(BYTES);
+    /// const LEFT: u64 = 3_000;
+    /// const BUDGET: Budget = Budget::within(&DIMS, LEFT);
+    /// const _: () = assert!(BUDGET.blocks > 0 && cost(&DIMS, BUDGET).mul_adds <= LEFT);
+    /// ```
+    #[must_use]
+    pub const fn within(dims: &Dims, mul_adds: u64) -> Self {
+        let (mut least, mut most) = (0, dims.block_count);
+        while least < most {
+            let middle = most - (most - least) / 2;
+            if cost(dims, Self::blocks(middle)).mul_adds <= mul_adds {
+                least = middle;
+            } else {
+                most = middle - 1;
+            }
+        }
+        Self::blocks(least)
+    }
+
     /// The finest level of detail that is brought up to date whole in every frame; the coarsest
     /// where none is. O(levels)
     #[must_use]
@@ -47,6 +117,10 @@ impl Budget {
         let level = asset.level(asset.level_within(self.blocks));
         level.unwrap_or(*asset)
     }
+}
+
+const fn least(a: usize, b: usize) -> usize {
+    if a < b { a } else { b }
 }
 
 impl Default for Budget {
@@ -104,6 +178,8 @@ const COMPOSE: u64 = 36;
 const UNIT_LENGTH: u64 = 3 + 9 + 3;
 /// Position; normal; its length.
 const VERTEX: u64 = 9 + 9 + UNIT_LENGTH;
+/// Of a block that hangs on one bind: whether that scales evenly, and what it does to normals.
+const RIGID_BLOCK: u64 = 9 + 9 + 1 + 9 + 12;
 /// A weight to parts of one, then twelve numbers of a matrix by it.
 const SLOT_VERTEX: u64 = 1 + 12;
 
@@ -126,6 +202,24 @@ pub const fn cost(dims: &Dims, budget: Budget) -> Cost {
         skin_cost(dims, budget)
     };
     pose_cost(dims).plus(corrective_cost(dims)).plus(surface)
+}
+
+/// Bounds as [`cost`] does, for input that scales no joint unevenly: normals of blocks that hang on
+/// one joint then keep their length. O(1); usable in a `const`.
+#[must_use]
+pub const fn even_cost(dims: &Dims, budget: Budget) -> Cost {
+    let all = cost(dims, budget);
+    let has_unit_normals = dims.shapes.block_count == 0 && dims.morph_normal_count == 0;
+    if dims.laplacian.is_some() || !has_unit_normals {
+        return all;
+    }
+    // Under a limit those may come that are not rigid.
+    let left_out = dims.block_count.saturating_sub(budget.blocks);
+    let rigid = dims.rigid_block_count.saturating_sub(left_out);
+    Cost {
+        mul_adds: all.mul_adds - (rigid * LANES) as u64 * UNIT_LENGTH,
+        ..all
+    }
 }
 
 /// Clip sampling, model space, palette.
@@ -185,6 +279,7 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
     let rest_bytes = if is_packed { 24 + 48 + 32 } else { 2 * 96 };
     Cost {
         mul_adds: blocks * lanes * (VERTEX + unpack)
+            + if rigid < blocks { rigid } else { blocks } * RIGID_BLOCK
             + weighed * lanes * SLOT_VERTEX
             + lanes * (3 * rows + (3 + UNIT_LENGTH) * normals),
         divisions: 0,
@@ -335,7 +430,9 @@ mod tests {
     #[test]
     fn a_limit_lowers_the_cost_and_a_larger_one_than_needed_does_not_raise_it() {
         let all = cost(&dims(), Budget::UNLIMITED);
-        assert_eq!(all.mul_adds, 180 + 3 * 8 * 33 + 4 * 8 * 13);
+        assert_eq!(all.mul_adds, 180 + 3 * 8 * 33 + 40 + 4 * 8 * 13);
+        let even = even_cost(&dims(), Budget::UNLIMITED);
+        assert_eq!(all.mul_adds - even.mul_adds, 8 * 15);
         assert_eq!(all, cost(&dims(), Budget::blocks(3)));
         assert!(cost(&dims(), Budget::blocks(2)).mul_adds < all.mul_adds);
     }

@@ -2,6 +2,7 @@
 
 use core::borrow::BorrowMut;
 
+use super::Rota;
 use crate::asset::Dims;
 use crate::deform::SizeError;
 use crate::deform::laplacian::{TurnStage, exact_workspace_len, turn_state_len};
@@ -84,8 +85,8 @@ pub struct State<B> {
 pub(super) struct Progress {
     /// Whether `local` holds a pose.
     pub posed: bool,
-    /// The block that was not reached, or 0.
-    pub next_block: usize,
+    /// Which blocks are next.
+    pub rota: Rota,
     /// What the memory of a surface's turns holds.
     pub turns: TurnStage,
     /// Whether the memory of springs holds an earlier frame.
@@ -95,7 +96,7 @@ pub(super) struct Progress {
 impl Progress {
     pub const NEW: Self = Self {
         posed: false,
-        next_block: 0,
+        rota: Rota::new(),
         turns: TurnStage::NEW,
         springs: false,
     };

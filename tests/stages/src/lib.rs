@@ -7,9 +7,16 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod crowd;
+pub mod halves;
+#[cfg(feature = "laplacian")]
+pub mod laplacian;
 pub mod markers;
 mod memory;
+#[cfg(feature = "modes")]
 pub mod modes;
+#[cfg(feature = "parts")]
+pub mod parts;
 pub mod rope;
 pub mod skin;
 
@@ -54,8 +61,15 @@ pub type Run = fn(&[u8], Level, &mut [f32], &mut Unmeasured) -> Result<u64, Faul
 
 /// All stages by name.
 pub const ALL: &[(&str, Run)] = &[
+    ("crowd", crowd::run::<Unmeasured>),
+    ("halves", halves::run::<Unmeasured>),
+    #[cfg(feature = "laplacian")]
+    ("laplacian", laplacian::run::<Unmeasured>),
     ("markers", markers::run::<Unmeasured>),
+    #[cfg(feature = "modes")]
     ("modes", modes::run::<Unmeasured>),
+    #[cfg(feature = "parts")]
+    ("parts", parts::run::<Unmeasured>),
     ("rope", rope::run::<Unmeasured>),
     ("skin", skin::run::<Unmeasured>),
 ];

@@ -14,6 +14,12 @@ impl<'m> Memory<'m> {
         Self { left: numbers }
     }
 
+    /// Numbers that are left.
+    #[must_use]
+    pub fn left(&self) -> usize {
+        self.left.len()
+    }
+
     /// The next `length` numbers, zero.
     ///
     /// # Errors

@@ -6,7 +6,8 @@ use core::hint::black_box;
 use sinew_core::asset::Asset;
 use sinew_core::deform::{Level, NormalMode, Output, SkinMode};
 use sinew_core::frame::{
-    Avatar, Budget, Fingerprint, Input, State, Workspace, any_mode_workspace_len, state_len,
+    Avatar, Budget, Fingerprint, Input, State, Workspace, any_mode_workspace_len, even_cost,
+    mode_cost, state_len,
 };
 
 use crate::{Fault, Memory, Probe};
@@ -15,6 +16,12 @@ const MODES: [(&str, SkinMode); 3] = [
     ("linear", SkinMode::Linear),
     ("dual", SkinMode::DualQuaternion),
     ("centres", SkinMode::CentresOfRotation),
+];
+
+const BOUNDS: [&str; 3] = [
+    "bound_linear_mul_adds",
+    "bound_dual_mul_adds",
+    "bound_centres_mul_adds",
 ];
 
 /// Frames of the clip that are played: modes and levels multiply.
@@ -40,6 +47,11 @@ pub fn run<P: Probe>(
     let normals = memory.take(3 * dims.vertex_count)?;
     let tangents = memory.take(4 * dims.vertex_count)?;
 
+    for (name, mode) in BOUNDS.into_iter().zip(MODES.map(|(_, mode)| mode)) {
+        let more = mode_cost(dims, Budget::UNLIMITED, mode);
+        let bound = even_cost(dims, Budget::UNLIMITED).plus(more);
+        probe.number(name, bound.mul_adds);
+    }
     let mut hash = Fingerprint::new();
     let step = (clip.sample_times().len() / FRAMES).max(1);
     for detail in 0..whole.level_count() {

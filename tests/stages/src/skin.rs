@@ -2,12 +2,14 @@
 
 use core::hint::black_box;
 
+use glam::{Quat, Vec3};
 use sinew_core::asset::{Asset, AssetError, Clip, Dims};
 use sinew_core::deform::{Level, Output};
 use sinew_core::frame::{
-    Avatar, Budget, Fingerprint, FrameReport, Input, State, Workspace, cost, state_len,
+    Avatar, Budget, Fingerprint, FrameReport, Input, State, Workspace, cost, even_cost, state_len,
     workspace_len,
 };
+use sinew_core::pose::Transform;
 
 use crate::{Fault, Memory, Probe};
 
@@ -30,9 +32,13 @@ pub fn run<P: Probe>(
     let positions = memory.take(3 * dims.vertex_count)?;
     let normals = memory.take(3 * dims.vertex_count)?;
 
-    let bound = cost(dims, Budget::UNLIMITED);
-    probe.number("bound_mul_adds", bound.mul_adds);
-    probe.number("bound_divisions", bound.divisions);
+    let (bound, even) = (
+        cost(dims, Budget::UNLIMITED),
+        even_cost(dims, Budget::UNLIMITED),
+    );
+    probe.number("bound_frame_mul_adds", even.mul_adds);
+    probe.number("bound_frame_divisions", even.divisions);
+    probe.number("bound_stretched_mul_adds", bound.mul_adds);
     let mut hash = Fingerprint::new();
     for seconds in clip.sample_times() {
         let input = black_box(Input::Clip {
@@ -55,9 +61,32 @@ pub fn run<P: Probe>(
         hash.update(positions);
         hash.update(normals);
     }
+    // What costs most: every joint scaled unevenly.
+    let mut pose = [Transform::IDENTITY; JOINTS];
+    let pose = pose.get_mut(..dims.joint_count).ok_or(Fault::Nothing)?;
+    for (joint, place) in pose.iter_mut().enumerate() {
+        if let Some(&[x, y, z, w, a, b, c, ..]) = asset.rest(joint) {
+            *place = Transform {
+                rotation: Quat::from_xyzw(x, y, z, w),
+                translation: Vec3::new(a, b, c),
+                scale: Vec3::new(1.02, 0.98, 1.0),
+            };
+        }
+    }
+    let input = black_box(Input::Pose(pose));
+    let mut output = Output::separate(dims, positions, Some(normals))?;
+    let mut avatar = Avatar::new(&asset, &mut state, &mut workspace)?.with_level(level);
+    probe.count("stretched", || {
+        avatar.step(&input, Budget::UNLIMITED, &mut output)
+    });
+    hash.update(positions);
+    hash.update(normals);
     numbers(bytes, dims, probe);
     Ok(hash.value())
 }
+
+/// Most joints.
+const JOINTS: usize = 128;
 
 fn numbers<P: Probe>(bytes: &[u8], dims: &Dims, probe: &mut P) {
     let number = 4;

@@ -3,9 +3,12 @@
 mod blocks;
 mod bounds;
 mod clips;
+#[cfg(feature = "correctives")]
 mod correctives;
+#[cfg(feature = "laplacian")]
 mod laplacian;
 mod levels;
+#[cfg(feature = "marker-skin")]
 mod marker_skin;
 mod markers;
 mod mesh;
@@ -46,12 +49,40 @@ fn contents(bytes: &[u8]) -> Result<Asset<'_>, AssetError> {
     morphs::check(&asset)?;
     bounds::check(&asset)?;
     clips::check(&asset)?;
-    laplacian::check(&asset)?;
     markers::check(&asset)?;
     packed::check(&asset)?;
-    asset.marker_skin = marker_skin::check(&asset, &sections)?;
-    asset.corrective = correctives::check(&asset, &sections)?;
+    deformers(&mut asset, &sections)?;
     Ok(asset)
+}
+
+/// Groups that a build may leave out.
+fn deformers<'a>(asset: &mut Asset<'a>, sections: &Sections<'a>) -> Result<(), AssetError> {
+    #[cfg(feature = "laplacian")]
+    laplacian::check(asset)?;
+    #[cfg(not(feature = "laplacian"))]
+    if asset.dims.laplacian.is_some() {
+        let feature = "laplacian";
+        return Err(AssetError::NotBuilt { feature });
+    }
+    #[cfg(feature = "marker-skin")]
+    {
+        asset.marker_skin = marker_skin::check(asset, sections)?;
+    }
+    #[cfg(not(feature = "marker-skin"))]
+    if sections.dims.marker_skin.marker_count > 0 {
+        let feature = "marker-skin";
+        return Err(AssetError::NotBuilt { feature });
+    }
+    #[cfg(feature = "correctives")]
+    {
+        asset.corrective = correctives::check(asset, sections)?;
+    }
+    #[cfg(not(feature = "correctives"))]
+    if sections.dims.correctives.part_count > 0 {
+        let feature = "correctives";
+        return Err(AssetError::NotBuilt { feature });
+    }
+    Ok(())
 }
 
 /// Views into bytes whose header and checksum are sound; contents are not looked at.
@@ -122,7 +153,10 @@ fn all_views<'a>(sections: &Sections<'a>) -> Result<Asset<'a>, AssetError> {
             data: sections.view(SectionKind::LevelData)?,
             sources: sections.view(SectionKind::LevelSources)?,
         },
+        #[cfg(feature = "laplacian")]
         laplacian: LaplacianView::find(sections)?,
+        #[cfg(not(feature = "laplacian"))]
+        laplacian: LaplacianView::default(),
         marker_skin: None,
         corrective: None,
         marker_names: sections.view(SectionKind::MarkerNames)?,

@@ -45,8 +45,9 @@ pub fn factor(matrix: &mut [f32], n: usize, floor: f32) -> bool {
 
 /// Solves for three right-hand sides in place after [`factor`]. O(n^2)
 pub fn solve(matrix: &[f32], n: usize, x: &mut [[f32; 3]]) {
-    let rows = || matrix.chunks_exact(n.max(1)).take(n);
-    for (k, row) in rows().enumerate() {
+    let row_of = |k: usize| matrix.get(k * n..(k + 1) * n).unwrap_or_default();
+    for k in 0..n {
+        let row = row_of(k);
         let Some((&mut known, rest)) = x.get_mut(k..).and_then(<[_]>::split_first_mut) else {
             return;
         };
@@ -56,7 +57,8 @@ pub fn solve(matrix: &[f32], n: usize, x: &mut [[f32; 3]]) {
             }
         }
     }
-    for (k, row) in rows().enumerate().rev() {
+    for k in (0..n).rev() {
+        let row = row_of(k);
         let Some((to, rest)) = x.get_mut(k..).and_then(<[_]>::split_first_mut) else {
             return;
         };

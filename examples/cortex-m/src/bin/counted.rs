@@ -13,14 +13,21 @@ use sinew_core::deform::Level;
 use sinew_cortex_m::{ASSET, MEMORY, stage};
 use sinew_stages::Probe;
 
-/// Frames that are marked; all others run unmarked.
+/// Frames of each name that are marked; all others run unmarked.
 const FRAMES: u32 = 3;
+/// Names that are told apart.
+const NAMES: usize = 8;
 
 #[entry]
 fn main() -> ! {
     static mut NUMBERS: [f32; MEMORY] = [0.0; MEMORY];
 
-    let done = stage::run(black_box(ASSET), Level::Scalar, NUMBERS, &mut Marks(0));
+    let done = stage::run(
+        black_box(ASSET),
+        Level::Scalar,
+        NUMBERS,
+        &mut Marks::default(),
+    );
     debug::exit(if done.is_ok() {
         debug::EXIT_SUCCESS
     } else {
@@ -31,33 +38,43 @@ fn main() -> ! {
     }
 }
 
-/// How many frames have been marked.
-struct Marks(u32);
+/// How many frames have been marked, in all and by name.
+#[derive(Default)]
+struct Marks {
+    all: u32,
+    names: [(&'static str, u32); NAMES],
+}
 
 impl Probe for Marks {
     fn count<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
-        if name != "frame" {
+        let mut rows = self.names.iter_mut();
+        let row = rows.find(|(known, _)| known.is_empty() || *known == name);
+        let Some((known, marked)) = row.filter(|(_, marked)| *marked < FRAMES) else {
             return work();
-        }
-        if self.0 == FRAMES {
-            debug::exit(debug::EXIT_SUCCESS);
-        }
-        self.0 += 1;
-        frame_begins(self.0);
+        };
+        *known = name;
+        *marked += 1;
+        self.all += 1;
+        print("frame_", self.all, name);
+        frame_begins(self.all);
         let result = work();
-        frame_ends(self.0);
+        frame_ends(self.all);
         result
     }
 
     fn number(&mut self, name: &'static str, value: u64) {
         if name.starts_with("bound_") {
-            if let Ok(mut out) = hio::hstdout() {
-                let _ = writeln!(out, "{name} = {value}");
-            }
+            print(name, "", value);
         }
     }
 
     fn per(&mut self, _: &'static str, _: &'static str, _: &'static str, _: u64) {}
+}
+
+fn print(name: &str, more: impl core::fmt::Display, value: impl core::fmt::Display) {
+    if let Ok(mut out) = hio::hstdout() {
+        let _ = writeln!(out, "{name}{more} = {value}");
+    }
 }
 
 #[unsafe(no_mangle)]
