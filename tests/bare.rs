@@ -75,6 +75,22 @@ pub fn poses(skeleton: &Skeleton, clip: &Clip, step: usize) -> Vec<Vec<DAffine3>
     times.iter().step_by(step).map(pose).collect()
 }
 
+/// The second poses, moved so that the joint is where it is in the first ones: bodies whose legs differ
+/// a little walk a little less far.
+#[must_use]
+pub fn in_place(
+    first: &[Vec<DAffine3>],
+    second: &[Vec<DAffine3>],
+    joint: usize,
+) -> Vec<Vec<DAffine3>> {
+    let moved = |(first, second): (&Vec<DAffine3>, &Vec<DAffine3>)| {
+        let by = first[joint].translation - second[joint].translation;
+        let by = DAffine3::from_translation(by);
+        second.iter().map(|&pose| by * pose).collect()
+    };
+    first.iter().zip(second).map(moved).collect()
+}
+
 /// The surface of a mesh in a pose.
 #[must_use]
 pub fn surface(mesh: &Mesh, skin: &Skin, pose: &[DAffine3]) -> Vec<DVec3> {

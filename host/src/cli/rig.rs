@@ -19,6 +19,7 @@ use crate::fit::inside::{CELLS, Inside};
 use crate::fit::rig::fit_inside;
 use crate::fit::weights::{MOST_INFLUENCES, Method, WeightOptions, weigh_inside};
 use crate::model::{Avatar, Mesh, Skeleton};
+use crate::reference::skin::linear_blend;
 
 /// Fit a skeleton into a body that has none, and give every vertex its weights.
 #[derive(Args)]
@@ -101,17 +102,13 @@ impl Rig {
                 )));
             }
         };
+        let mesh = match &body {
+            Body::Rigged(avatar) => at_rest(avatar),
+            Body::Mesh(mesh) => (**mesh).clone(),
+        };
         let options = self.weighing.options();
         let fit = !self.keep_joints;
-        let made = rig(
-            &self.mesh,
-            body.mesh(),
-            &skeleton,
-            &ends,
-            fit,
-            &options,
-            say,
-        )?;
+        let made = rig(&self.mesh, &mesh, &skeleton, &ends, fit, &options, say)?;
         let seconds = start.elapsed().as_secs_f64();
         write_bytes(&self.output, &write_glb_of(&made.body, &[])?)?;
         if let Some(path) = &self.picture {
@@ -133,6 +130,19 @@ impl Rig {
             "attached_vertices": made.attached,
             "seconds": seconds,
         }))
+    }
+}
+
+/// The mesh as its own skeleton stands in it: files may bind it in another pose.
+fn at_rest(avatar: &Avatar) -> Mesh {
+    let model = avatar.skeleton.model(&avatar.skeleton.rest());
+    let (positions, normals) = linear_blend(&avatar.mesh, &avatar.skin, &model);
+    Mesh {
+        positions,
+        normals,
+        tangents: None,
+        morphs: Vec::new(),
+        ..avatar.mesh.clone()
     }
 }
 

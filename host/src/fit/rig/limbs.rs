@@ -74,7 +74,12 @@ pub(super) fn arm(solid: &Solid, hand: u32, height: f64) -> Result<Limb, RigErro
         let off = (slice.distance / height - HAND.0) / HAND.1;
         slice.area / forearm + 0.2 * off * off
     };
-    let wrist = within(0.05, 0.2).min_by(|a, b| cost(a.1).total_cmp(&cost(b.1)));
+    // Fingers are thin too, but lie before the palm.
+    let palm = within(0.03, 0.115).max_by(|a, b| a.1.area.total_cmp(&b.1.area));
+    let palm = palm.map_or(0, |(at, _)| at);
+    let wrist = within(0.05, 0.2)
+        .filter(|&(at, _)| at > palm)
+        .min_by(|a, b| cost(a.1).total_cmp(&cost(b.1)));
     let (wrist, _) = wrist.ok_or_else(|| why("it is too short"))?;
     let start = slices[wrist].distance + ARM * height;
     let first = slices.partition_point(|slice| slice.distance < start);

@@ -96,7 +96,13 @@ impl Bones {
 
     /// Lets the bones of last joints run to the farthest place that is nearer to them than to others.
     fn lengthen_leaves(&mut self, solid: &Solid) {
-        let seeds = seeds(solid, &self.lines);
+        let mut seeds = seeds(solid, &self.lines);
+        for (_, gone, line) in &mut seeds {
+            // Beyond its end a bone is as near as the joint that stands there, which shall have it.
+            if self.lines[*line as usize].child.is_some() {
+                *gone += 2.0 * solid.size();
+            }
+        }
         let (distance, mark) = solid.march(&seeds);
         let mut farthest: Vec<Option<(f32, u32)>> = vec![None; self.lines.len()];
         for (cell, (&gone, &line)) in distance.iter().zip(&mark).enumerate() {
