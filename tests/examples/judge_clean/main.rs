@@ -6,6 +6,7 @@
 //! labels    table 1 of Park & Hodgins 2006: wrong labels, merges left to hand, ghosts
 //! deleted   their table 2: a visible marker is deleted and rebuilt
 //! gaps      stretches of 10 to 300 frames of each marker of real recordings are hidden
+//! names     markers of real recordings exchange their names
 //! sure      whether filled samples are as sure as they say
 //! speed     300 s of 350 markers
 //! ```
@@ -13,6 +14,7 @@
 mod deleted;
 mod gaps;
 mod labels;
+mod names;
 mod speed;
 mod sure;
 
@@ -47,9 +49,10 @@ fn main() {
         "labels" => labels::run(&options),
         "deleted" => deleted::run(&options),
         "gaps" => gaps::run(&options),
+        "names" => names::run(&options),
         "sure" => sure::run(&options),
         "speed" => speed::run(),
-        _ => eprintln!("say which part: labels, deleted, gaps, sure or speed"),
+        _ => eprintln!("say which part: labels, deleted, gaps, names, sure or speed"),
     }
 }
 

@@ -156,7 +156,7 @@ impl Frame<'_, '_> {
             if !theirs.is_measured() || link.distance() > NEAR {
                 continue;
             }
-            self.points.work += 4;
+            self.points.work += 4 * self.model.dims().neighbour_count as u32;
             let sum = |a: Vec3, b: Vec3| {
                 let (first, asked) = self.against(marker, a, other as u16);
                 let (second, more) = self.against(other, b, marker as u16);
@@ -198,7 +198,7 @@ impl Frame<'_, '_> {
             {
                 continue;
             }
-            self.points.work += 2;
+            self.points.work += 2 * self.model.dims().neighbour_count as u32;
             let (then, asked) = self.against(marker, point.position, owner as u16);
             let (now, _) = self.against(owner, point.position, NONE);
             if asked >= ASKED && then < LEFT * now && now - then > best.0 {

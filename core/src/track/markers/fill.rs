@@ -53,7 +53,7 @@ impl Expectation {
 
 /// Most inner steps of one expectation, in the unit of [`super::work_bound`].
 pub(super) const fn work(neighbours: usize) -> u32 {
-    8 + 8 * neighbours as u32
+    16 + 8 * neighbours as u32
 }
 
 impl Model<'_> {

@@ -51,7 +51,7 @@ pub(super) fn follow(take: &Take, places: &Places, [a, b]: [usize; 2]) -> Vec<Ex
         };
         let sum: f64 = told.iter().map(|word| word.gain).sum();
         let (before, after) = (mean(0), mean(1));
-        (sum > GAIN * count && after < LEFT * before).then(|| Exchange {
+        (sum > GAIN * count && after < LEFT * before).then_some(Exchange {
             columns: [a, b],
             frames: run,
             before,
