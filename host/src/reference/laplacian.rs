@@ -44,17 +44,17 @@ pub fn rotations(surface: &Surface, targets: &[MarkerTarget]) -> Vec<DQuat> {
 #[must_use]
 pub fn guess(surface: &Surface, targets: &[MarkerTarget], rotations: &[DQuat]) -> Vec<DVec3> {
     let rest = surface.marker_rest();
-    let vertices = surface.positions.iter().zip(&surface.guides).zip(rotations);
-    let place =
-        |((position, (markers, weights)), rotation): ((&DVec3, &([u16; 4], [f64; 4])), &DQuat)| {
-            let (mut from, mut to) = (DVec3::ZERO, DVec3::ZERO);
-            for (&marker, &weight) in markers.iter().zip(weights) {
-                from += weight * rest[usize::from(marker)];
-                to += weight * targets[usize::from(marker)].position;
-            }
-            to + *rotation * (*position - from)
-        };
-    vertices.map(place).collect()
+    let places = surface.positions.iter().zip(rotations);
+    let mut guesses = Vec::with_capacity(rotations.len());
+    for ((position, rotation), (markers, weights)) in places.zip(&surface.guides) {
+        let (mut from, mut to) = (DVec3::ZERO, DVec3::ZERO);
+        for (&marker, &weight) in markers.iter().zip(weights) {
+            from += weight * rest[usize::from(marker)];
+            to += weight * targets[usize::from(marker)].position;
+        }
+        guesses.push(to + *rotation * (*position - from));
+    }
+    guesses
 }
 
 /// Equation 2 with mass weights and a pull `C` toward the [`guess`] `g`:

@@ -7,7 +7,7 @@ use sinew_core::deform::laplacian::{CollapsedParts, ExactParts};
 use super::laplacian::{consistent_signs, positions, rotations};
 use crate::fit::laplace::cholesky::Cholesky;
 use crate::fit::laplace::operator::Laplacian;
-use crate::fit::laplace::surface::rotation_system;
+use crate::fit::laplace::shares::rotation_system;
 use crate::fit::laplace::{LaplaceError, MarkerTarget, Surface};
 use crate::model::nearest_rotation;
 

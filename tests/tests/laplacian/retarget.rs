@@ -121,5 +121,5 @@ fn feet_of_other_proportions_stand_still() {
     );
     // The markers stand within 0.1 mm; the skin between them gives way with the ankle. The goal of
     // 5 mm is missed: this holds what was reached.
-    assert!(slides.len() > 100 && p95 <= 16e-3, "{p95}");
+    assert!(slides.len() > 100 && p95 <= 14e-3, "{p95}");
 }

@@ -123,11 +123,14 @@ pub(crate) fn show(what: &str, report: &CollapseReport) {
 
 /// A tube of 0.6 m with four markers at each end and two in the middle.
 pub(crate) fn marked_tube() -> (Surface, Vec<[u32; 3]>, Vec<DVec3>) {
+    marked_tube_with(&SurfaceOptions::default())
+}
+
+pub(crate) fn marked_tube_with(options: &SurfaceOptions) -> (Surface, Vec<[u32; 3]>, Vec<DVec3>) {
     let (positions, triangles, normals) = tube(41, 16);
     let ring = |ring: u32| [0, 4, 8, 12].map(|side| ring * 16 + side);
     let markers = [ring(0), ring(40)].concat();
-    let options = SurfaceOptions::default();
-    let surface = Surface::new(positions, &triangles, markers, &options).expect("factors");
+    let surface = Surface::new(positions, &triangles, markers, options).expect("factors");
     (surface, triangles, normals)
 }
 

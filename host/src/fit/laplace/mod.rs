@@ -17,8 +17,9 @@ pub mod picture;
 pub mod repair;
 pub mod rig;
 pub mod rotations;
+pub(crate) mod shares;
 pub mod suggest;
-pub(crate) mod surface;
+mod surface;
 pub mod template;
 pub mod volume;
 
