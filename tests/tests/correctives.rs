@@ -313,7 +313,7 @@ fn unusable_input_holds_and_what_follows_is_not_spoilt() {
 }
 
 #[test]
-fn coarser_levels_have_correctives_and_bounds_hold_them() {
+fn coarser_levels_have_correctives_too() {
     let arm = Arm::new();
     let learnt = arm.learnt();
     let bytes = arm.baked(&learnt, &[200]);

@@ -89,7 +89,7 @@ pub fn correctives(
         let mut by_vertex = vec![[0.0; 3]; body.mesh.positions.len()];
         for (seed, clip) in held_out.iter().flatten().enumerate() {
             let film = Body::new(body, clip, scene(100 + seed as u64))?;
-            let mut still = film.scene().clone();
+            let mut still = *film.scene();
             still.flesh.breath = 0.0;
             let still = Body::new(body, clip, still)?;
             let (mut a, mut w, mut n) = (0.0, 0.0, 0.0);

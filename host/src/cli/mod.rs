@@ -62,7 +62,7 @@ struct Arguments {
 enum Command {
     Demo(demo::Demo),
     Inspect(inspect::Inspect),
-    Bake(bake::Bake),
+    Bake(Box<bake::Bake>),
     Clean(clean::Clean),
     Register(register::Register),
     Rig(rig::Rig),

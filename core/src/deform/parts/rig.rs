@@ -158,7 +158,7 @@ impl<'a> MarkerRig<'a> {
         // A pair goes through two passes and a look; an eigenproblem has 36 rotations of 40 each.
         (1 + REFITS) * (40 * self.tables.member_markers.len() + 2_000 * self.part_count())
             + 60 * self.marker_count()
-            + 9 * self.tables.carrier_parts.len()
+            + 13 * self.tables.carrier_parts.len()
     }
 
     /// Fits all part frames and completes the markers. First half of a frame in every mode.

@@ -64,23 +64,26 @@ pub fn pose(body: &Avatar, (markers, rest): (&[Glued], &[DVec3]), frames: &[Vec<
     }
 }
 
+/// Binds and weights.
+type Carriers = Vec<(u32, f64)>;
+
 struct Figure<'a> {
     body: &'a Avatar,
     rest: &'a [DVec3],
     /// `[markers]`: binds and weights.
-    carried: Vec<Vec<(u32, f64)>>,
+    carried: Vec<Carriers>,
     /// Joints that turn, parents first; the root is the first.
     turning: Vec<usize>,
     /// `[markers]`: how much each counts.
     weights: Vec<f64>,
     /// `[markers]`: (place in `turning`, binds below that joint that carry the marker).
-    above: Vec<Vec<(usize, Vec<(u32, f64)>)>>,
+    above: Vec<Vec<(usize, Carriers)>>,
 }
 
 impl<'a> Figure<'a> {
     fn new(body: &'a Avatar, markers: &[Glued], rest: &'a [DVec3]) -> Self {
         let joints = &body.skeleton.joints;
-        let carried: Vec<Vec<(u32, f64)>> = markers
+        let carried: Vec<Carriers> = markers
             .iter()
             .map(|marker| marker.weights_of(&body.skin.influences))
             .collect();
@@ -93,7 +96,7 @@ impl<'a> Figure<'a> {
                 None => return false,
             }
         };
-        let below = |row: &Vec<(u32, f64)>, top: usize| -> Vec<(u32, f64)> {
+        let below = |row: &Carriers, top: usize| -> Carriers {
             let own = row.iter();
             own.filter(|&&(bind, _)| is_below(body.skin.binds[bind as usize].joint, top))
                 .copied()
