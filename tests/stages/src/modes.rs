@@ -110,6 +110,7 @@ pub fn run<P: Probe>(
         probe.count(name, || avatar.step(&input, Budget::UNLIMITED, &mut output));
     }
     let vertices = dims.vertex_count as u64;
+    probe.number("bytes_asset", bytes.len() as u64);
     probe.per("linear_vertex", "linear", "", vertices);
     probe.per("dual_vertex", "dual", "", vertices);
     probe.per("centres_vertex", "centres", "", vertices);
