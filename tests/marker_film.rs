@@ -94,6 +94,7 @@ pub fn asset(film: &Take, lessons: &[Take]) -> AssetBytes {
         clips: vec![RawClip {
             name: "film".into(),
             tracks: order.iter().enumerate().map(track).collect(),
+            sample_period: Some(1.0 / film.rate()),
             ..RawClip::default()
         }],
         notices: Vec::new(),

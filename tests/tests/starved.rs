@@ -101,7 +101,7 @@ fn skin_and_collapsed_surfaces_take_turns() {
 
 #[test]
 fn a_tenth_of_the_multiply_adds_of_a_body_is_a_budget() {
-    let bytes = human::small_asset();
+    let bytes = human::asset();
     let asset = bytes.asset().expect("sound");
     let whole = cost(asset.dims(), Budget::UNLIMITED).mul_adds;
     let budget = Budget::within(asset.dims(), whole / 10);
@@ -157,7 +157,7 @@ fn marker_skins_take_turns_and_solve_a_part_a_frame() {
         let skin = asset.marker_skin().expect("markers");
         let (count, parts) = (skin.rig.marker_count(), skin.rig.part_count());
         let budget = tenth(&asset);
-        let mut run = |starve: bool, still: usize| -> Vec<f32> {
+        let run = |starve: bool, still: usize| -> Vec<f32> {
             let mut random = Random(9);
             let mut state = RigState::with(vec![0.0; rig_state_len(count, parts)]);
             let mut handles = vec![0.0; rig_workspace_len(count, parts)];

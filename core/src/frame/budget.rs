@@ -183,8 +183,8 @@ const RIGID_BLOCK: u64 = 9 + 9 + 1 + 9 + 12;
 /// A weight to parts of one, then twelve numbers of a matrix by it.
 const SLOT_VERTEX: u64 = 1 + 12;
 
-/// Bounds the work of [`Avatar::step`](super::Avatar::step) with positions and normals, for any
-/// input. O(1); usable in a `const`.
+/// Bounds the work of [`Avatar::step`](super::Avatar::step) for any input, with all that the asset
+/// has for a vertex: position, normal, tangent. Normals are moved fast. O(1); usable in a `const`.
 ///
 /// ```
 /// use sinew_core::{asset::Dims, frame::{Budget, cost}};
@@ -271,15 +271,25 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
     let rigid = dims.rigid_block_count as u64;
     let left_out = all.saturating_sub(rigid).saturating_sub(blocks);
     let weighed = (dims.slot_count as u64).saturating_sub(rigid + 2 * left_out);
+    let weighed = fewest(weighed, blocks * dims.bind_count as u64);
     // All rows could lie in the blocks that come; each block's normals are then made unit again.
     let (rows, normals) = (dims.morph_row_count as u64, dims.morph_normal_count as u64);
     let is_packed = dims.shapes.block_count > 0;
-    // Packed numbers: a step each; normals may be needed at unit length before morphs are added.
-    let unpack = if is_packed { 3 + UNIT_LENGTH } else { 0 };
+    // Packed numbers: a step each; normals are made unit before morphs are added to them.
+    let unpack = match (is_packed, normals > 0) {
+        (true, true) => 3 + UNIT_LENGTH,
+        (true, false) => 3,
+        (false, _) => 0,
+    };
+    let tangents = if dims.shapes.tangent_block_count > 0 {
+        9 + UNIT_LENGTH
+    } else {
+        0
+    };
     let rest_bytes = if is_packed { 24 + 48 + 32 } else { 2 * 96 };
     Cost {
-        mul_adds: blocks * lanes * (VERTEX + unpack)
-            + if rigid < blocks { rigid } else { blocks } * RIGID_BLOCK
+        mul_adds: blocks * lanes * (VERTEX + unpack + tangents)
+            + fewest(rigid, blocks) * RIGID_BLOCK
             + weighed * lanes * SLOT_VERTEX
             + lanes * (3 * rows + (3 + UNIT_LENGTH) * normals),
         divisions: 0,
@@ -288,20 +298,23 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
             + slots * (2 + 2 * lanes)
             + rows * (2 + 96)
             + normals * 96
-            + if rows > 0 { 8 * blocks } else { 0 },
-        bytes_written: blocks * lanes * 24,
+            + if rows > 0 { 8 * blocks } else { 0 }
+            + if tangents > 0 { 33 * blocks } else { 0 },
+        bytes_written: blocks * lanes * if tangents > 0 { 40 } else { 24 },
     }
+}
+
+/// The smaller one. A baked block has no bind twice, so no more slots than there are binds.
+const fn fewest(a: u64, b: u64) -> u64 {
+    if a < b { a } else { b }
 }
 
 /// A joint's rotation chained and made unit.
 const CHAINED: u64 = 16 + (4 + 9 + 4);
-/// A bind's rotation, dual part, and stretch.
-const DUAL: u64 = 16 + (4 + 9 + 4) + 3 + 16 + 9 + 27;
-/// Of both other modes the larger: the side of a quaternion, and what it or a centre sums besides
-/// the matrix.
-const SLOT_VERTEX_MORE: u64 = 4 + 4 + 9;
-/// Squared length, rotation after stretch, translation or centre.
-const VERTEX_MORE: u64 = 4 + 3 + 9 + 27 + 15;
+/// A bind's rotation, dual part, matrix, and stretch.
+const DUAL: u64 = 16 + (4 + 9 + 4) + 3 + 16 + 9 + 9 + 27;
+/// Squared length, rotation after stretch.
+const TURNED: u64 = 4 + 3 + 9 + 27;
 
 /// Bounds what dual quaternions or centres of rotation cost more than [`cost`]; nothing for linear
 /// blending. O(1); usable in a `const`.
@@ -317,16 +330,28 @@ pub const fn mode_cost(dims: &Dims, budget: Budget, mode: SkinMode) -> Cost {
         all
     };
     let lanes = LANES as u64;
-    let slots = dims.slot_count as u64 - (all - blocks);
+    let (rigid, slots) = (dims.rigid_block_count as u64, dims.slot_count as u64);
+    let blended = all.saturating_sub(rigid);
+    let left_out = blended.saturating_sub(blocks);
+    let blended = blended - left_out;
+    let weighed = slots.saturating_sub(rigid + 2 * left_out);
+    let weighed = fewest(weighed, blended * dims.bind_count as u64);
+    // A slot's stretch, and its quaternion's side, which the first of a block does not need. Dual
+    // quaternions sum eight numbers instead of a matrix, centres four besides.
+    let (sums, vertex) = match mode {
+        #[cfg(feature = "modes")]
+        SkinMode::CentresOfRotation => (1 + 4 + 9 + 4, TURNED + 9),
+        _ => (8 + 9 + 4 - 12, TURNED + 15),
+    };
     let (joints, binds) = (dims.joint_count as u64, dims.bind_count as u64);
     Cost {
         mul_adds: joints * CHAINED
             + binds * DUAL
-            + lanes * (slots * SLOT_VERTEX_MORE + blocks * VERTEX_MORE),
-        divisions: blocks * lanes,
+            + lanes * (weighed * sums + blended * (vertex - 4)),
+        divisions: blended * lanes,
         bytes_read: binds * 16
             + if dims.centre_block_count > 0 {
-                96 * blocks
+                96 * blended
             } else {
                 0
             },

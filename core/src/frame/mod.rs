@@ -19,6 +19,6 @@ pub use buffers::{State, Workspace, any_mode_workspace_len, state_len, workspace
 pub use fingerprint::Fingerprint;
 #[cfg(feature = "modes")]
 pub use mode::ModeError;
-pub use parts_cost::parts_cost;
+pub use parts_cost::{follow_cost, parts_cost};
 pub use report::{Flags, FrameReport};
 pub use rota::{Due, Rota};

@@ -68,6 +68,7 @@ pub fn run<P: Probe>(
     for (name, _) in CROWDS {
         probe.per(name, name, "", 1);
     }
+    probe.number("bytes_asset", bytes.len() as u64);
     probe.number("bytes_state", 4 * state_len(dims) as u64);
     probe.number("bytes_workspace", 4 * workspace_len(dims) as u64);
     Ok(hash.value())

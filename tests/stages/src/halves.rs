@@ -57,5 +57,6 @@ pub fn run<P: Probe>(
         core::mem::swap(&mut front, &mut back);
         hash.update(front);
     }
+    probe.number("bytes_asset", bytes.len() as u64);
     Ok(hash.value())
 }

@@ -19,6 +19,7 @@ pub mod modes;
 pub mod parts;
 pub mod rope;
 pub mod skin;
+mod worst;
 
 use core::fmt;
 

@@ -2,7 +2,6 @@
 
 use core::hint::black_box;
 
-use glam::{Quat, Vec3};
 use sinew_core::asset::{Asset, AssetError, Clip, Dims};
 use sinew_core::deform::{Level, Output};
 use sinew_core::frame::{
@@ -11,6 +10,7 @@ use sinew_core::frame::{
 };
 use sinew_core::pose::Transform;
 
+use crate::worst::{JOINTS, stretched, twisted};
 use crate::{Fault, Memory, Probe};
 
 /// Plays the first clip.
@@ -39,6 +39,7 @@ pub fn run<P: Probe>(
     probe.number("bound_frame_mul_adds", even.mul_adds);
     probe.number("bound_frame_divisions", even.divisions);
     probe.number("bound_stretched_mul_adds", bound.mul_adds);
+    probe.number("bound_twisted_mul_adds", bound.mul_adds);
     let mut hash = Fingerprint::new();
     for seconds in clip.sample_times() {
         let input = black_box(Input::Clip {
@@ -61,32 +62,28 @@ pub fn run<P: Probe>(
         hash.update(positions);
         hash.update(normals);
     }
-    // What costs most: every joint scaled unevenly.
+    // What costs most: every joint scaled unevenly, or neighbours that turn against each other.
     let mut pose = [Transform::IDENTITY; JOINTS];
-    let pose = pose.get_mut(..dims.joint_count).ok_or(Fault::Nothing)?;
-    for (joint, place) in pose.iter_mut().enumerate() {
-        if let Some(&[x, y, z, w, a, b, c, ..]) = asset.rest(joint) {
-            *place = Transform {
-                rotation: Quat::from_xyzw(x, y, z, w),
-                translation: Vec3::new(a, b, c),
-                scale: Vec3::new(1.02, 0.98, 1.0),
-            };
+    let mut worst = |name, thirds| -> Result<(), Fault> {
+        let pose = match thirds {
+            None => stretched(&asset, &mut pose),
+            Some(thirds) => twisted(&asset, thirds, &mut pose),
+        };
+        let input = black_box(Input::Pose(pose.ok_or(Fault::Nothing)?));
+        let mut output = Output::separate(dims, positions, Some(normals))?;
+        let mut avatar = Avatar::new(&asset, &mut state, &mut workspace)?.with_level(level);
+        probe.count(name, || avatar.step(&input, Budget::UNLIMITED, &mut output));
+        Ok(())
+    };
+    worst("stretched", None)?;
+    if dims.laplacian.is_some() {
+        for thirds in 1..6 {
+            worst("twisted", Some(thirds))?;
         }
     }
-    let input = black_box(Input::Pose(pose));
-    let mut output = Output::separate(dims, positions, Some(normals))?;
-    let mut avatar = Avatar::new(&asset, &mut state, &mut workspace)?.with_level(level);
-    probe.count("stretched", || {
-        avatar.step(&input, Budget::UNLIMITED, &mut output)
-    });
-    hash.update(positions);
-    hash.update(normals);
     numbers(bytes, dims, probe);
     Ok(hash.value())
 }
-
-/// Most joints.
-const JOINTS: usize = 128;
 
 fn numbers<P: Probe>(bytes: &[u8], dims: &Dims, probe: &mut P) {
     let number = 4;

@@ -103,6 +103,12 @@ impl<'b> Points<'b> {
         (points, refused)
     }
 
+    /// The coordinate by which points are sliced.
+    #[inline]
+    fn along(&self, point: &[f32; 3]) -> f32 {
+        point.get(self.axis).copied().unwrap_or_default()
+    }
+
     /// Counting sort.
     fn sort(&mut self, given: &[[f32; 3]], is_usable: impl Fn(&[f32; 3]) -> bool) {
         self.bins.fill(0);
@@ -113,7 +119,7 @@ impl<'b> Points<'b> {
                 .filter(|(_, point)| is_usable(point))
         };
         for (_, point) in usable() {
-            let bin = self.bin(point[self.axis]);
+            let bin = self.bin(self.along(point));
             if let Some(end) = self.bins.get_mut(bin + 1) {
                 *end += 1;
             }
@@ -125,7 +131,7 @@ impl<'b> Points<'b> {
         }
         // Each start moves to the next one's place, and back at the end.
         for (source, point) in usable() {
-            let bin = self.bin(point[self.axis]);
+            let bin = self.bin(self.along(point));
             let Some(next) = self.bins.get_mut(bin) else {
                 continue;
             };
@@ -178,7 +184,7 @@ impl<'b> Points<'b> {
     /// Numbers of the points in slices within `radius` of `centre`: those within `radius` and more.
     #[inline]
     pub fn window(&self, centre: Vec3, radius: f32) -> core::ops::Range<usize> {
-        let at = centre.to_array()[self.axis];
+        let at = self.along(&centre.to_array());
         let start = self.bins.get(self.bin(at - radius)).copied();
         let end = self.bins.get(self.bin(at + radius) + 1).copied();
         usize::from(start.unwrap_or_default())..usize::from(end.unwrap_or_default())

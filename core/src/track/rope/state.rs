@@ -8,6 +8,9 @@ use super::vector::{dot, length};
 use crate::math::inverse_sqrt;
 use crate::row::Row;
 
+/// Places beyond this are damage, metres.
+const FAR: f32 = 4e6;
+
 /// Memories below are in seconds and become shares a frame through [`Pace`].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pace {
@@ -197,10 +200,23 @@ impl<const TRACES: usize> Track<TRACES> {
         self.point.fill(NONE);
     }
 
+    /// A fill that ran away, as wild points can make it, goes back to the last good place.
+    fn hold(&mut self, i: usize) {
+        let is_near = |place: Vec3| place.to_array().iter().all(|x| (-FAR..=FAR).contains(x));
+        if is_near(self.pose.now.at(i)) {
+            return;
+        }
+        let last = Some(self.smooth.at(i)).filter(|&place| is_near(place));
+        self.pose.now.set(i, last.unwrap_or(Vec3::ZERO));
+        self.pose.velocity.set(i, Vec3::ZERO);
+        self.acceleration.set(i, Vec3::ZERO);
+    }
+
     /// Ends a frame: filters, statistics, ages.
     pub(super) fn close(&mut self) {
         let [on_position, on_velocity, on_acceleration] = self.pace.gains;
         for i in 0..self.measures.count {
+            self.hold(i);
             let now = self.pose.now.at(i);
             if !self.pose.known.at(i) {
                 self.gap.edit(i, |gap| *gap = gap.saturating_add(1));

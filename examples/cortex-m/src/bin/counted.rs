@@ -14,7 +14,7 @@ use sinew_cortex_m::{ASSET, MEMORY, stage};
 use sinew_stages::Probe;
 
 /// Frames of each name that are marked; all others run unmarked.
-const FRAMES: u32 = 3;
+const FRAMES: u32 = 6;
 /// Names that are told apart.
 const NAMES: usize = 8;
 
