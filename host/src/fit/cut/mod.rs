@@ -215,7 +215,9 @@ fn gap(shell: &Shell, faces: &[&Face]) -> Gap {
                 width += near;
             }
             // Both borders count the same, however many vertices each has.
-            sum += own.iter().sum::<DVec3>() / own.len() as f64;
+            // A closed side ends with the vertex that it begins with.
+            let once = &own[usize::from(face.is_closed())..];
+            sum += once.iter().sum::<DVec3>() / once.len() as f64;
             count += own.len() as f64;
         }
     }
