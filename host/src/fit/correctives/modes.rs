@@ -297,6 +297,7 @@ mod tests {
             .chunks(LANES)
             .map(|block| fields.iter().filter(|field| moves(block, field)).count())
             .sum();
-        assert!(rows <= 16 && rows >= 12, "{rows}");
+        let most = ROWS as usize * 10;
+        assert!(rows <= most && rows + 2 >= most, "{rows}");
     }
 }

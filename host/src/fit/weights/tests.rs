@@ -91,12 +91,29 @@ fn both_ways_hand_over_at_the_joint() {
                 x if x < 0.35 => assert!(second < 0.05, "{method:?} {x} {second}"),
                 x if x > 0.65 => assert!(second > 0.95, "{method:?} {x} {second}"),
                 x if (x - 0.5).abs() < 1e-9 => {
-                    // Members change from one ring of vertices to the next.
+                    // Members change from one ring of vertices to the next: this one is of one side.
                     assert!((second - 0.5).abs() < 0.3, "{method:?} {second}");
                 }
                 _ => {}
             }
         }
+    }
+}
+
+#[test]
+fn one_influence_is_the_heaviest() {
+    let mesh = tube();
+    let options = WeightOptions {
+        influences: 1,
+        ..WeightOptions::default()
+    };
+    let skin = weigh(&mesh, &chain(&[0.02, 0.3, 0.6]), &options)
+        .expect("weighs")
+        .skin;
+    for (row, at) in skin.influences.iter().zip(&mesh.positions) {
+        let joint = u32::from(at.x > 0.31) + u32::from(at.x > 0.61);
+        let border = (at.x - 0.3).abs() < 0.03 || (at.x - 0.6).abs() < 0.03;
+        assert!(border || row[..] == [(joint, 1.0)], "{row:?} at {at}");
     }
 }
 

@@ -32,10 +32,10 @@ impl Solid {
                 if done[next as usize] {
                     continue;
                 }
-                let candidate = self.upwind(next, &distance);
+                let (candidate, from) = self.upwind(next, &distance);
                 if candidate < distance[next as usize] {
                     distance[next as usize] = candidate;
-                    mark[next as usize] = mark[cell as usize];
+                    mark[next as usize] = mark[from as usize];
                     queue.push(Reverse((candidate.to_bits(), next)));
                 }
             }
@@ -43,17 +43,19 @@ impl Solid {
         (distance, mark)
     }
 
-    /// The distance whose gradient over the nearest neighbour along each axis is one.
-    fn upwind(&self, cell: u32, distance: &[f32]) -> f32 {
+    /// The distance whose gradient over the nearest neighbour along each axis is one, and the nearest
+    /// neighbour of all: the way comes mostly through it, however little another one shortens it.
+    fn upwind(&self, cell: u32, distance: &[f32]) -> (f32, u32) {
         let around = &self.neighbours[cell as usize];
         let of = |next: u32| {
-            distance
-                .get(next as usize)
-                .copied()
-                .unwrap_or(f32::INFINITY)
+            let gone = distance.get(next as usize).copied();
+            (gone.unwrap_or(f32::INFINITY), next)
         };
-        let mut near = [0, 1, 2].map(|axis| of(around[2 * axis]).min(of(around[2 * axis + 1])));
-        near.sort_by(f32::total_cmp);
+        let nearer = |a: (f32, u32), b: (f32, u32)| if b.0 < a.0 { b } else { a };
+        let mut near = [0, 1, 2].map(|axis| nearer(of(around[2 * axis]), of(around[2 * axis + 1])));
+        near.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let from = near[0].1;
+        let near = near.map(|(gone, _)| gone);
         let step = self.size as f32;
         let mut best = near[0] + step;
         let (mut sum, mut squares) = (near[0], near[0] * near[0]);
@@ -69,7 +71,7 @@ impl Solid {
             }
             best = (sum + under.sqrt()) / count;
         }
-        best
+        (best, from)
     }
 
     /// Distance of every cell from the outside, metres. O(cells log cells)
