@@ -143,7 +143,8 @@ fn urgent_blocks_are_never_old() {
 #[test]
 fn a_solved_surface_shows_its_last_solve() {
     let bytes = tiny::scan(Solve::Exact);
-    let budget = |frame: usize| Budget::UNLIMITED.with_solves(usize::from(frame % 10 == 0));
+    let budget =
+        |frame: usize| Budget::UNLIMITED.with_solves(usize::from(frame.is_multiple_of(10)));
     play(&bytes, budget, 10);
 }
 

@@ -125,7 +125,7 @@ impl Solid {
             self.place.push(at as u32);
         }
         self.neighbours = vec![[NONE; 6]; self.place.len()];
-        for axis in 0..3 {
+        for (axis, crossings) in columns.iter().enumerate() {
             let stride = self.stride(axis);
             for cell in 0..self.place.len() {
                 let next = self.index[self.place[cell] as usize + stride];
@@ -134,7 +134,7 @@ impl Solid {
                     self.neighbours[next as usize][2 * axis] = cell as u32;
                 }
             }
-            self.part(axis, &columns[axis], &winding);
+            self.part(axis, crossings, &winding);
         }
     }
 

@@ -8,7 +8,7 @@
 //!    faces.
 //! 2. [`bridge`]: facing stretches are joined by rows of triangles; what stays open where three parts
 //!    meet is filled.
-//! 3. [`hierarchy`]: parts that were joined hang on each other, from the hips outward; a part's joint
+//! 3. `hierarchy`: parts that were joined hang on each other, from the hips outward; a part's joint
 //!    stands in the gap above it and bears the part's name, so that motion finds it by name.
 //! 4. Every vertex belongs to its part's joint; memberships spread as automatic weights do.
 

@@ -2,8 +2,8 @@
 //!
 //! In: the cells of a body that stands upright (Y up) in a T- or A-pose. Out: a [`Figure`]. The places
 //! farthest from the middle of the trunk, going through the inside, are head, hands and feet. From
-//! each hand and foot the body is followed inward ([`super::limbs`]); what is left is read layer by
-//! layer ([`super::trunk`]).
+//! each hand and foot the body is followed inward (`limbs`); what is left is read layer by
+//! layer (`trunk`).
 
 use glam::DVec3;
 

@@ -4,7 +4,7 @@
 //! whose hierarchy and proportions it takes. Out: the skeleton with its joints inside the mesh.
 //!
 //! 1. [`Figure`] finds the landmarks of the body from its inside.
-//! 2. [`place`] puts the joints there: limbs at their roots, bends and ends; spine and neck by the
+//! 2. `place` puts the joints there: limbs at their roots, bends and ends; spine and neck by the
 //!    skeleton's own proportions between hips, shoulders and skull; all others as they stand
 //!    relative to these.
 //!

@@ -297,11 +297,11 @@ impl Placing<'_> {
         }
         let mut places: Vec<DVec3> = Vec::with_capacity(own.at.len());
         let mut frames: Vec<Frame> = Vec::with_capacity(own.at.len());
-        for joint in 0..own.at.len() {
+        for (joint, &next) in below.iter().enumerate() {
             let parent = own.skeleton.joints[joint].parent;
             let frame = self.frames[joint].or_else(|| Some(frames[parent?]));
             frames.push(frame.unwrap_or(self.whole));
-            let place = match (self.fixed[joint], below[joint], parent) {
+            let place = match (self.fixed[joint], next, parent) {
                 (Some(place), ..) => place,
                 (None, Some(next), Some(parent)) => {
                     let gone = own.at[parent].distance(own.at[joint]);
