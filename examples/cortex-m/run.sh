@@ -108,7 +108,7 @@ fi
 if [ -n "$picture" ]; then
     [ -n "$asset" ] || { asset=$here/target/human.sinew && RUSTFLAGS= bundled "$asset"; }
     (cd "$here" && SINEW_PICTURE=$picture SINEW_ASSET=$asset "${build[@]}" \
-        --all-features --target-dir "$here/target/$board" --bin draw)
+        --features laplacian,modes,parts --target-dir "$here/target/$board" --bin draw)
     emulate "$firmware/draw"
     echo "$picture"
     exit
