@@ -54,6 +54,15 @@ impl Budget {
         self
     }
 
+    /// How many of `all` blocks a frame brings up to date at most.
+    pub(super) const fn blocks_of(&self, all: u64) -> u64 {
+        if (self.blocks as u64) < all {
+            self.blocks as u64
+        } else {
+            all
+        }
+    }
+
     /// The urgent ones of so many blocks, cut so that others are left.
     pub(super) const fn urgent_of(&self, blocks: usize) -> Range<usize> {
         let [start, end] = self.urgent;
@@ -258,11 +267,7 @@ const fn corrective_cost(dims: &Dims) -> Cost {
 
 const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
     let all = dims.block_count as u64;
-    let blocks = if (budget.blocks as u64) < all {
-        budget.blocks as u64
-    } else {
-        all
-    };
+    let blocks = budget.blocks_of(all);
     let lanes = LANES as u64;
     // Under a limit nobody knows which blocks come: the most slots that so many can have are
     // those left when every other block has just one.
@@ -324,11 +329,7 @@ pub const fn mode_cost(dims: &Dims, budget: Budget, mode: SkinMode) -> Cost {
         return Cost::NONE;
     }
     let all = dims.block_count as u64;
-    let blocks = if (budget.blocks as u64) < all {
-        budget.blocks as u64
-    } else {
-        all
-    };
+    let blocks = budget.blocks_of(all);
     let lanes = LANES as u64;
     let (rigid, slots) = (dims.rigid_block_count as u64, dims.slot_count as u64);
     let blended = all.saturating_sub(rigid);
@@ -367,11 +368,7 @@ const TURN: u64 = 4 + 9 + 4 + 16 + 18;
 const fn collapsed_cost(dims: &Dims, budget: Budget) -> Cost {
     let counts = &dims.laplacian;
     let all = dims.block_count as u64;
-    let blocks = if (budget.blocks as u64) < all {
-        budget.blocks as u64
-    } else {
-        all
-    };
+    let blocks = budget.blocks_of(all);
     let (lanes, joints) = (LANES as u64, dims.joint_count as u64);
     let (handles, entries) = (
         counts.virtual_count as u64,

@@ -57,11 +57,7 @@ pub const fn follow_cost(dims: &Dims) -> Cost {
 const fn stream(dims: &Dims, budget: Budget) -> Cost {
     let counts = &dims.marker_skin;
     let all = dims.block_count as u64;
-    let blocks = if (budget.blocks as u64) < all {
-        budget.blocks as u64
-    } else {
-        all
-    };
+    let blocks = budget.blocks_of(all);
     let lanes = LANES as u64;
     let (parts, markers) = (
         counts.part_slot_count as u64,
