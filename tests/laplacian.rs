@@ -1,11 +1,12 @@
 //! The bundled body as a scan: its skinned surface is the truth, a few of its vertices are markers.
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use sinew_host::fit::laplace::graph::Graph;
 use sinew_host::fit::laplace::suggest::suggest;
 use sinew_host::fit::laplace::{MarkerTarget, Surface, SurfaceOptions};
+use sinew_host::fit::parts::Glued;
 use sinew_host::fit::{Correspondence, Options, retarget};
-use sinew_host::model::{Avatar, Clip, Motion};
+use sinew_host::model::{Avatar, Bind, Clip, Joint, Mesh, Motion, Skeleton, Skin, Transform};
 use sinew_host::{import, reference};
 
 /// A body with markers, and what moves it.
@@ -166,4 +167,58 @@ pub fn subdivided(body: &Avatar) -> Avatar {
 #[must_use]
 pub fn baseline() -> fearless_simd::Level {
     fearless_simd::Level::baseline()
+}
+
+/// The tube as a body: its upper half hangs on a second joint at 0.3 m, whose share grows from 0 at
+/// `from` to 1 `over` further up, metres.
+#[must_use]
+pub fn jointed_tube(rings: u32, sides: u32, from: f64, over: f64) -> Avatar {
+    let (positions, triangles, normals) = tube(rings, sides);
+    let influences = positions.iter().map(|p| {
+        let upper = ((p.y - from) / over).clamp(0.0, 1.0);
+        let pairs = [(0, 1.0 - upper), (1, upper)];
+        pairs.into_iter().filter(|pair| pair.1 > 0.0).collect()
+    });
+    let joint = |name: &str, parent, height: f64| Joint {
+        name: name.into(),
+        parent,
+        rest: Transform {
+            translation: DVec3::Y * height,
+            ..Transform::IDENTITY
+        },
+    };
+    let bind = |joint, height: f64| Bind {
+        joint,
+        inverse_bind: DAffine3::from_translation(DVec3::Y * -height),
+    };
+    Avatar {
+        skin: Skin {
+            binds: vec![bind(0, 0.0), bind(1, 0.3)],
+            influences: influences.collect(),
+        },
+        mesh: Mesh {
+            name: "tube".into(),
+            positions,
+            normals,
+            tangents: None,
+            texcoords: None,
+            triangles,
+            parts: Vec::new(),
+            morphs: Vec::new(),
+        },
+        skeleton: Skeleton {
+            joints: vec![joint("lower", None, 0.0), joint("upper", Some(0), 0.3)],
+        },
+        clips: Vec::new(),
+    }
+}
+
+/// A marker on a tube, near a vertex below the last ring.
+#[must_use]
+pub fn on_tube(vertex: u32, sides: u32) -> Glued {
+    let last = u32::from(vertex % sides == sides - 1);
+    Glued {
+        vertices: [vertex, vertex + sides, vertex + 1 - sides * last],
+        weights: [0.7, 0.2, 0.1],
+    }
 }

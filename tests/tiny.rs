@@ -1,6 +1,6 @@
 //! Assets of a few dozen vertices, one for each way to move them.
 
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use sinew_host::bake::write::MarkerSkinData;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake, bake_rig, bake_with};
 use sinew_host::fit::laplace::align::Similarity;
@@ -9,12 +9,11 @@ use sinew_host::fit::laplace::repair::{RepairOptions, repair};
 use sinew_host::fit::laplace::rig::{RigOptions, Solve, rig};
 use sinew_host::fit::laplace::{Driven, MarkerTarget};
 use sinew_host::fit::parts::{Glued, Mode, Options, Segments, learn};
-use sinew_host::import::Transform;
-use sinew_host::model::{Avatar, Bind, Joint, Mesh, Skeleton, Skin};
+use sinew_host::model::Avatar;
 use sinew_host::take::Take;
 
 use crate::body::checked_arm;
-use crate::laplacian::tube;
+use crate::laplacian::jointed_tube;
 use crate::marker_film;
 
 const SIDES: u32 = 8;
@@ -38,48 +37,6 @@ pub fn arm() -> AssetBytes {
         ..BakeOptions::default()
     };
     bake(&body, &options).expect("bakes").bytes
-}
-
-/// A tube of so many rings of eight whose upper half hangs on a second joint.
-fn bent(rings: u32) -> Avatar {
-    let (positions, triangles, normals) = tube(rings, SIDES);
-    let influences = positions.iter().map(|p| {
-        let upper = ((p.y - 0.2) / 0.2).clamp(0.0, 1.0);
-        let pairs = [(0, 1.0 - upper), (1, upper)];
-        pairs.into_iter().filter(|pair| pair.1 > 0.0).collect()
-    });
-    let joint = |name: &str, parent, height: f64| Joint {
-        name: name.into(),
-        parent,
-        rest: Transform {
-            translation: DVec3::Y * height,
-            ..Transform::IDENTITY
-        },
-    };
-    let bind = |joint, height: f64| Bind {
-        joint,
-        inverse_bind: DAffine3::from_translation(DVec3::Y * -height),
-    };
-    Avatar {
-        skin: Skin {
-            binds: vec![bind(0, 0.0), bind(1, 0.3)],
-            influences: influences.collect(),
-        },
-        mesh: Mesh {
-            name: "tube".into(),
-            positions,
-            normals,
-            tangents: None,
-            texcoords: None,
-            triangles,
-            parts: Vec::new(),
-            morphs: Vec::new(),
-        },
-        skeleton: Skeleton {
-            joints: vec![joint("lower", None, 0.0), joint("upper", Some(0), 0.3)],
-        },
-        clips: Vec::new(),
-    }
 }
 
 /// How the upper half of the tube is bent at a time.
@@ -109,7 +66,7 @@ fn bent_surface(body: &Avatar, time: f64) -> Vec<DVec3> {
 /// Never.
 #[must_use]
 pub fn marker_skin(mode: Mode) -> AssetBytes {
-    let body = bent(13);
+    let body = jointed_tube(13, SIDES, 0.2, 0.2);
     let markers = (0..12)
         .step_by(2)
         .flat_map(|ring| (0..4).map(move |side| ring * SIDES + (2 * side + ring / 2 % 2) % SIDES));
@@ -145,7 +102,7 @@ pub fn marker_skin(mode: Mode) -> AssetBytes {
 /// Never.
 #[must_use]
 pub fn scan(solve: Solve) -> AssetBytes {
-    let body = bent(9);
+    let body = jointed_tube(9, SIDES, 0.2, 0.2);
     let mesh = &body.mesh;
     let repaired = repair(&mesh.positions, &mesh.triangles, &RepairOptions::default());
     let repaired = repaired.expect("repairs");

@@ -8,12 +8,11 @@ use sinew_core::pose::Transform;
 use sinew_host::bake::{Additions, AssetBytes, BakeOptions, bake, bake_adding};
 use sinew_host::fit::correctives::{Correctives, Performed, learn, pose::pose};
 use sinew_host::fit::parts::{Glued, PartsFitError};
-use sinew_host::import;
-use sinew_host::model::{Avatar, Bind, Joint, Mesh, Skeleton, Skin};
+use sinew_host::model::Avatar;
 use sinew_host::play::Player;
 use sinew_host::reference::correctives::Flesh;
 use sinew_tests::Random;
-use sinew_tests::laplacian::{baseline, tube};
+use sinew_tests::laplacian::{baseline, jointed_tube, on_tube};
 
 const RINGS: u32 = 31;
 const SIDES: u32 = 16;
@@ -44,60 +43,14 @@ const HELD_OUT: Motion = Motion {
 
 impl Arm {
     fn new() -> Self {
-        let (positions, triangles, normals) = tube(RINGS, SIDES);
-        let influences = positions.iter().map(|p| {
-            let upper = ((p.y - 0.25) / 0.1).clamp(0.0, 1.0);
-            let pairs = [(0, 1.0 - upper), (1, upper)];
-            pairs.into_iter().filter(|pair| pair.1 > 0.0).collect()
-        });
-        let joint = |name: &str, parent, height: f64| Joint {
-            name: name.into(),
-            parent,
-            rest: import::Transform {
-                translation: DVec3::Y * height,
-                ..import::Transform::IDENTITY
-            },
-        };
-        let bind = |joint, height: f64| Bind {
-            joint,
-            inverse_bind: DAffine3::from_translation(DVec3::Y * -height),
-        };
+        let body = jointed_tube(RINGS, SIDES, 0.25, 0.1);
         let markers = (0..RINGS - 1).step_by(2).flat_map(|ring| {
             // Rows of four, every second row turned by half.
             (0..4).map(move |side| ring * SIDES + (4 * side + 2 * (ring / 2 % 2)) % SIDES)
         });
-        let glued: Vec<Glued> = markers
-            .map(|vertex| Glued {
-                vertices: [
-                    vertex,
-                    vertex + SIDES,
-                    vertex + 1 - SIDES * u32::from(vertex % SIDES == 15),
-                ],
-                weights: [0.7, 0.2, 0.1],
-            })
-            .collect();
-        let skin = Skin {
-            binds: vec![bind(0, 0.0), bind(1, 0.3)],
-            influences: influences.collect(),
-        };
-        let rest = glued.iter().map(|marker| marker.on(&positions)).collect();
-        let body = Avatar {
-            mesh: Mesh {
-                name: "arm".into(),
-                positions,
-                normals,
-                tangents: None,
-                texcoords: None,
-                triangles,
-                parts: Vec::new(),
-                morphs: Vec::new(),
-            },
-            skeleton: Skeleton {
-                joints: vec![joint("lower", None, 0.0), joint("upper", Some(0), 0.3)],
-            },
-            skin,
-            clips: Vec::new(),
-        };
+        let glued: Vec<Glued> = markers.map(|vertex| on_tube(vertex, SIDES)).collect();
+        let positions = &body.mesh.positions;
+        let rest = glued.iter().map(|marker| marker.on(positions)).collect();
         Self { body, glued, rest }
     }
 

@@ -10,10 +10,9 @@ use sinew_host::fit::parts::measure::{measure, recommended};
 use sinew_host::fit::parts::{
     Glued, Learnt, MarkerPlayer, Mode, Options, PartsFitError, Segments, glue, learn, marker_frame,
 };
-use sinew_host::import::Transform;
-use sinew_host::model::{Avatar, Bind, Joint, Mesh, Skeleton, Skin};
+use sinew_host::model::Avatar;
 use sinew_host::reference;
-use sinew_tests::laplacian::{baseline, tube};
+use sinew_tests::laplacian::{baseline, jointed_tube, on_tube};
 
 const MODES: [Mode; 3] = [Mode::Exact, Mode::Collapsed, Mode::Hybrid];
 const RINGS: u32 = 31;
@@ -28,64 +27,17 @@ struct Arm {
 
 impl Arm {
     fn new() -> Self {
-        let (positions, triangles, normals) = tube(RINGS, SIDES);
-        let influences = positions.iter().map(|p| {
-            let upper = ((p.y - 0.22) / 0.16).clamp(0.0, 1.0);
-            let pairs = [(0, 1.0 - upper), (1, upper)];
-            pairs.into_iter().filter(|pair| pair.1 > 0.0).collect()
-        });
-        let joint = |name: &str, parent, height: f64| Joint {
-            name: name.into(),
-            parent,
-            rest: Transform {
-                translation: DVec3::Y * height,
-                ..Transform::IDENTITY
-            },
-        };
-        let bind = |joint, height: f64| Bind {
-            joint,
-            inverse_bind: glam::DAffine3::from_translation(DVec3::Y * -height),
-        };
+        let body = jointed_tube(RINGS, SIDES, 0.22, 0.16);
         let markers = (0..RINGS).step_by(3).flat_map(|ring| {
             // Rows of four, every second row turned by half.
             (0..4).map(move |side| ring * SIDES + (4 * side + 2 * (ring / 3 % 2)) % SIDES)
         });
         let glued: Vec<Glued> = markers
             .filter(|&vertex| vertex + SIDES < RINGS * SIDES)
-            .map(|vertex| Glued {
-                vertices: [
-                    vertex,
-                    vertex + SIDES,
-                    vertex + 1 - SIDES * u32::from(vertex % SIDES == 15),
-                ],
-                weights: [0.7, 0.2, 0.1],
-            })
+            .map(|vertex| on_tube(vertex, SIDES))
             .collect();
-        let skin = Skin {
-            binds: vec![bind(0, 0.0), bind(1, 0.3)],
-            influences: influences.collect(),
-        };
-        let body = Avatar {
-            mesh: Mesh {
-                name: "arm".into(),
-                positions,
-                normals,
-                tangents: None,
-                texcoords: None,
-                triangles,
-                parts: Vec::new(),
-                morphs: Vec::new(),
-            },
-            skeleton: Skeleton {
-                joints: vec![joint("lower", None, 0.0), joint("upper", Some(0), 0.3)],
-            },
-            skin,
-            clips: Vec::new(),
-        };
-        let rest = glued
-            .iter()
-            .map(|marker| marker.on(&body.mesh.positions))
-            .collect();
+        let positions = &body.mesh.positions;
+        let rest = glued.iter().map(|marker| marker.on(positions)).collect();
         Self { body, glued, rest }
     }
 
