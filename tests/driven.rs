@@ -6,18 +6,16 @@ use std::sync::OnceLock;
 use glam::DVec3;
 use sinew_host::bake::write::MarkerSkinData;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake_rig, bake_with};
-use sinew_host::fit::laplace::align::Similarity;
-use sinew_host::fit::laplace::drive::DriveReport;
+use sinew_host::fit::laplace::SurfaceOptions;
 use sinew_host::fit::laplace::graph::Graph;
 use sinew_host::fit::laplace::repair::{RepairOptions, repair};
 use sinew_host::fit::laplace::rig::{RigOptions, Solve, rig};
-use sinew_host::fit::laplace::{Driven, SurfaceOptions};
 use sinew_host::fit::parts::{Glued, Learnt, Mode, Options, Segments, learn};
 use sinew_host::model::Avatar;
 use sinew_host::reference;
 use sinew_host::studio::MarkerLayout;
 
-use crate::laplacian::Scan;
+use crate::laplacian::{Scan, driven_by};
 use crate::marker_film::{self, truth};
 use crate::{dense, human};
 
@@ -94,19 +92,12 @@ pub fn scan(solve: Solve) -> AssetBytes {
     let scan = Scan::new(body, MARKERS, &SurfaceOptions::default());
     let rate = 30.0;
     let frames = (clip.duration * rate) as u32;
-    let driven = Driven {
-        poses: (0..frames)
+    let driven = driven_by(
+        (0..frames)
             .map(|frame| scan.at(&clip, f64::from(frame) / rate).1)
             .collect(),
         rate,
-        report: DriveReport {
-            similarity: Similarity::IDENTITY,
-            misfit: 0.0,
-            retargeted: false,
-            plants: 0,
-            slide: 0.0,
-        },
-    };
+    );
     let mesh = &scan.body.mesh;
     let repaired = repair(&mesh.positions, &mesh.triangles, &RepairOptions::default());
     let repaired = repaired.expect("repairs");

@@ -1,9 +1,11 @@
 //! The bundled body as a scan: its skinned surface is the truth, a few of its vertices are markers.
 
 use glam::{DAffine3, DQuat, DVec3};
+use sinew_host::fit::laplace::align::Similarity;
+use sinew_host::fit::laplace::drive::DriveReport;
 use sinew_host::fit::laplace::graph::Graph;
 use sinew_host::fit::laplace::suggest::suggest;
-use sinew_host::fit::laplace::{MarkerTarget, Surface, SurfaceOptions};
+use sinew_host::fit::laplace::{Driven, MarkerTarget, Surface, SurfaceOptions};
 use sinew_host::fit::parts::Glued;
 use sinew_host::fit::{Correspondence, Options, retarget};
 use sinew_host::model::{Avatar, Bind, Clip, Joint, Mesh, Motion, Skeleton, Skin, Transform};
@@ -220,5 +222,21 @@ pub fn on_tube(vertex: u32, sides: u32) -> Glued {
     Glued {
         vertices: [vertex, vertex + sides, vertex + 1 - sides * last],
         weights: [0.7, 0.2, 0.1],
+    }
+}
+
+/// Markers that are known in every frame, `[frames][markers]`: nothing was aligned or retargeted.
+#[must_use]
+pub fn driven_by(poses: Vec<Vec<MarkerTarget>>, rate: f64) -> Driven {
+    Driven {
+        poses,
+        rate,
+        report: DriveReport {
+            similarity: Similarity::IDENTITY,
+            misfit: 0.0,
+            retargeted: false,
+            plants: 0,
+            slide: 0.0,
+        },
     }
 }

@@ -3,17 +3,15 @@
 use glam::{DMat3, DQuat, DVec3};
 use sinew_host::bake::write::MarkerSkinData;
 use sinew_host::bake::{AssetBytes, BakeOptions, bake, bake_rig, bake_with};
-use sinew_host::fit::laplace::align::Similarity;
-use sinew_host::fit::laplace::drive::DriveReport;
+use sinew_host::fit::laplace::MarkerTarget;
 use sinew_host::fit::laplace::repair::{RepairOptions, repair};
 use sinew_host::fit::laplace::rig::{RigOptions, Solve, rig};
-use sinew_host::fit::laplace::{Driven, MarkerTarget};
 use sinew_host::fit::parts::{Glued, Mode, Options, Segments, learn};
 use sinew_host::model::Avatar;
 use sinew_host::take::Take;
 
 use crate::body::checked_arm;
-use crate::laplacian::jointed_tube;
+use crate::laplacian::{driven_by, jointed_tube};
 use crate::marker_film;
 
 const SIDES: u32 = 8;
@@ -118,17 +116,10 @@ pub fn scan(solve: Solve) -> AssetBytes {
         };
         vertices.iter().map(target).collect()
     };
-    let driven = Driven {
-        poses: (0..40).map(|frame| pose(0.1 * f64::from(frame))).collect(),
-        rate: 30.0,
-        report: DriveReport {
-            similarity: Similarity::IDENTITY,
-            misfit: 0.0,
-            retargeted: false,
-            plants: 0,
-            slide: 0.0,
-        },
-    };
+    let driven = driven_by(
+        (0..40).map(|frame| pose(0.1 * f64::from(frame))).collect(),
+        30.0,
+    );
     let names: Vec<String> = (0..vertices.len()).map(|at| format!("M{at}")).collect();
     let options = RigOptions {
         solve,

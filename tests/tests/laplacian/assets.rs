@@ -6,14 +6,12 @@ use sinew_core::asset::{AssetError, crc32};
 use sinew_core::deform::Output;
 use sinew_core::frame::{Avatar, Budget, Input, State, Workspace, cost, state_len, workspace_len};
 use sinew_host::bake::{AssetBytes, BakeOptions, bake_rig};
-use sinew_host::fit::laplace::align::Similarity;
-use sinew_host::fit::laplace::drive::{DriveReport, Driven};
 use sinew_host::fit::laplace::repair::{RepairOptions, repair};
 use sinew_host::fit::laplace::rig::{Rig, RigOptions, Solve, rig};
 use sinew_host::model::{Mesh, Part};
 use sinew_host::play::Player;
 use sinew_host::verify::{CORE_LIMIT, limit_of, verify};
-use sinew_tests::laplacian::tube;
+use sinew_tests::laplacian::{driven_by, tube};
 
 use crate::rigs::{marked_tube, tube_poses};
 
@@ -57,17 +55,7 @@ fn scan(solve: Solve) -> Rig {
         (41, 1)
     );
     let (surface, ..) = marked_tube();
-    let driven = Driven {
-        poses: tube_poses(&surface),
-        rate: 30.0,
-        report: DriveReport {
-            similarity: Similarity::IDENTITY,
-            misfit: 0.0,
-            retargeted: false,
-            plants: 0,
-            slide: 0.0,
-        },
-    };
+    let driven = driven_by(tube_poses(&surface), 30.0);
     let names: Vec<String> = (0..surface.markers.len())
         .map(|k| format!("m{k}"))
         .collect();
