@@ -89,6 +89,7 @@ const RECIPES: &[Recipe] = &[
     plain("crowd", "hand", human::hand),
     plain("halves", "human_2k", human::small_asset),
     fitted("markers", "walk_53", driven::film),
+    fitted("actor", "rope_500", driven::actor),
     fitted("parts", "collapsed_2k", || driven::skin(Mode::Collapsed)),
     fitted("parts", "exact_2k", || driven::skin(Mode::Exact)),
     fitted("parts", "hybrid_2k", || driven::skin(Mode::Hybrid)),

@@ -1,4 +1,4 @@
-//! The bundled body, 2,000 vertices of it, as markers drive it: assets whose tables are fitted, so
+//! The bundled body, 2,000 vertices of it or 500, as markers drive it: assets whose tables are fitted, so
 //! that other arithmetic in a solver may give other bytes.
 
 use std::sync::OnceLock;
@@ -10,16 +10,21 @@ use sinew_host::fit::laplace::SurfaceOptions;
 use sinew_host::fit::laplace::graph::Graph;
 use sinew_host::fit::laplace::repair::{RepairOptions, repair};
 use sinew_host::fit::laplace::rig::{RigOptions, Solve, rig};
+use sinew_host::fit::live::{self, LearnOptions};
 use sinew_host::fit::parts::{Glued, Learnt, Mode, Options, Segments, learn};
 use sinew_host::model::Avatar;
 use sinew_host::reference;
+use sinew_host::simplify::simplify;
 use sinew_host::studio::MarkerLayout;
+use sinew_host::take::Take;
 
 use crate::laplacian::{Scan, driven_by};
 use crate::marker_film::{self, truth};
 use crate::{dense, human};
 
 const MARKERS: usize = 100;
+/// On the actor, who has a rope besides.
+const ACTOR_MARKERS: usize = 45;
 
 /// The walk and a range of motion as surfaces, `[frames][vertices]`.
 fn surfaces(body: &Avatar) -> Vec<Vec<DVec3>> {
@@ -33,9 +38,9 @@ fn surfaces(body: &Avatar) -> Vec<Vec<DVec3>> {
 }
 
 /// Markers on vertices spread over the body, and the corner of a triangle that each sits on.
-fn glued(body: &Avatar) -> Vec<Glued> {
+fn glued(body: &Avatar, count: usize) -> Vec<Glued> {
     let mesh = &body.mesh;
-    let vertices = Graph::new(&mesh.positions, &mesh.triangles).spread(&[0], MARKERS);
+    let vertices = Graph::new(&mesh.positions, &mesh.triangles).spread(&[0], count);
     vertices
         .into_iter()
         .map(|vertex| {
@@ -61,23 +66,71 @@ fn glued(body: &Avatar) -> Vec<Glued> {
 pub fn skin(mode: Mode) -> AssetBytes {
     static LEARNT: OnceLock<Learnt> = OnceLock::new();
     let body = human::small_body();
-    let glued = glued(&body);
-    let learnt = LEARNT.get_or_init(|| {
-        let rest: Vec<DVec3> = glued.iter().map(|at| at.on(&body.mesh.positions)).collect();
-        let frames: Vec<Vec<DVec3>> = surfaces(&body)
-            .iter()
-            .map(|surface| glued.iter().map(|marker| marker.on(surface)).collect())
-            .collect();
-        let segments = Segments::of_rig(&body, &glued);
-        let markers = (&glued[..], &rest[..]);
-        learn(&body.mesh, &segments, markers, &frames, &Options::default()).expect("learns")
-    });
+    let learnt = LEARNT.get_or_init(|| learnt(&body, &glued(&body, MARKERS)));
     let skin = MarkerSkinData {
         names: (0..MARKERS).map(|at| format!("M{at:03}")).collect(),
         rig: learnt.rig.clone(),
         mode: learnt.mode(mode).clone(),
     };
     let baked = bake_with(&body, &BakeOptions::default(), Some(&skin), None);
+    baked.expect("bakes").bytes
+}
+
+fn learnt(body: &Avatar, glued: &[Glued]) -> Learnt {
+    let rest: Vec<DVec3> = glued.iter().map(|at| at.on(&body.mesh.positions)).collect();
+    let frames: Vec<Vec<DVec3>> = surfaces(body)
+        .iter()
+        .map(|surface| glued.iter().map(|marker| marker.on(surface)).collect())
+        .collect();
+    let segments = Segments::of_rig(body, glued);
+    learn(
+        &body.mesh,
+        &segments,
+        (glued, &rest),
+        &frames,
+        &Options::default(),
+    )
+    .expect("learns")
+}
+
+/// 500 vertices of the body with its walk: a marker set that is recognised live, and the skin that
+/// the named markers drive.
+///
+/// # Panics
+/// When the bundled files are absent or no longer fit.
+#[must_use]
+pub fn actor() -> AssetBytes {
+    let mut body = human::small_body();
+    let simple = simplify(&body, 500);
+    (body.mesh, body.skin) = (simple.mesh, simple.skin);
+    let glued = glued(&body, ACTOR_MARKERS);
+    let (rate, clip) = (120.0, &body.clips[0]);
+    let frames = (clip.duration * rate) as usize;
+    let mut paths = vec![DVec3::NAN; glued.len() * frames];
+    for frame in 0..frames {
+        let local = reference::pose::sample(&body.skeleton, clip, frame as f64 / rate);
+        let surface = dense::skin(&body, &local, 0.0);
+        for (marker, glued) in glued.iter().enumerate() {
+            paths[marker * frames + frame] = glued.on(&surface);
+        }
+    }
+    let names: Vec<String> = (0..glued.len()).map(|at| format!("M{at:03}")).collect();
+    let take = Take::new(names.clone(), rate, frames, paths).expect("a sound take");
+    let set = live::learn(&[take], &LearnOptions::default(), &|| ()).expect("the set is learned");
+    // The skin's markers in the order of the set's.
+    let order = set.labels.iter().map(|label| {
+        let place = names.iter().position(|name| name == label);
+        glued[place.expect("of this take")]
+    });
+    let glued: Vec<Glued> = order.collect();
+    assert_eq!(glued.len(), names.len(), "every marker is in the set");
+    let learnt = learnt(&body, &glued);
+    let skin = MarkerSkinData {
+        names: set.labels.clone(),
+        rig: learnt.rig.clone(),
+        mode: learnt.mode(Mode::Collapsed).clone(),
+    };
+    let baked = bake_with(&body, &BakeOptions::default(), Some(&skin), Some(&set));
     baked.expect("bakes").bytes
 }
 

@@ -69,7 +69,7 @@ emulate() {
 # features STAGE: what the firmware of a stage is built with.
 features() {
     local list=
-    case $1 in laplacian | modes | parts) list=$1 ;; esac
+    case $1 in laplacian | modes | parts) list=$1 ;; actor) list=parts ;; esac
     [ "$mode" != --micromath ] || list=$list,micromath
     echo "--features=$list"
 }

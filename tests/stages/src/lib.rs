@@ -7,6 +7,8 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "parts")]
+pub mod actor;
 pub mod crowd;
 pub mod halves;
 #[cfg(feature = "laplacian")]
@@ -62,6 +64,8 @@ pub type Run = fn(&[u8], Level, &mut [f32], &mut Unmeasured) -> Result<u64, Faul
 
 /// All stages by name.
 pub const ALL: &[(&str, Run)] = &[
+    #[cfg(feature = "parts")]
+    ("actor", actor::run::<Unmeasured>),
     ("crowd", crowd::run::<Unmeasured>),
     ("halves", halves::run::<Unmeasured>),
     #[cfg(feature = "laplacian")]

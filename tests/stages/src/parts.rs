@@ -85,6 +85,8 @@ pub fn run<P: Probe>(
         _ => parts_cost(dims, Budget::UNLIMITED).mul_adds,
     };
     probe.number("bound_frame_mul_adds", bound);
+    probe.number("bound_follow_mul_adds", follow_cost(dims).mul_adds);
+    probe.number("bound_follow_divisions", follow_cost(dims).divisions);
     numbers(bytes, dims, used, probe);
     Ok(hash.value())
 }
@@ -116,7 +118,7 @@ fn stream(
 }
 
 /// The vertex, in block order, on which each marker sits at rest.
-fn find(asset: &Asset<'_>, skin: &MarkerSkin<'_>, vertices: &mut [u32]) {
+pub(crate) fn find(asset: &Asset<'_>, skin: &MarkerSkin<'_>, vertices: &mut [u32]) {
     for (vertex, marker) in vertices.iter_mut().zip(skin.rig.tables().rest) {
         let mut nearest = f32::MAX;
         for (block, [x, y, z]) in asset.rest_positions().iter().enumerate() {

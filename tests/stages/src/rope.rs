@@ -21,13 +21,15 @@ const START: usize = 20;
 
 /// A rotation in the plane: cosine and sine.
 type Turn = [f32; 2];
+/// Of the phase in a frame.
+pub(crate) const STEP: Turn = [0.998_750_26, 0.049_979_17];
 
-fn turn([c, s]: Turn, [d, t]: Turn) -> Turn {
+pub(crate) fn turn([c, s]: Turn, [d, t]: Turn) -> Turn {
     [c * d - s * t, s * d + c * t]
 }
 
 /// A pendulum whose lower markers lag behind, metres.
-fn rope(phase: Turn) -> [[f32; 3]; TRACES] {
+pub(crate) fn pendulum<const COUNT: usize>(phase: Turn) -> [[f32; 3]; COUNT] {
     const LAG: Turn = [0.988_771, -0.149_438];
     let (mut own, mut x, mut y) = (phase, 0.0, 2.4);
     core::array::from_fn(|i| {
@@ -74,7 +76,6 @@ pub fn run<P: Probe>(
     _memory: &mut [f32],
     probe: &mut P,
 ) -> Result<u64, Fault> {
-    const STEP: Turn = [0.998_750_26, 0.049_979_17];
     let tracker = RopeTracker::<TRACES, POINTS>::new(Config::new(100.0));
     let mut tracker = tracker.map_err(|_| Fault::Nothing)?;
     let mut hash = Fingerprint::new();
@@ -84,7 +85,7 @@ pub fn run<P: Probe>(
         if frame >= START {
             phase = turn(phase, STEP);
         }
-        let markers = rope(phase);
+        let markers = pendulum::<TRACES>(phase);
         let mut points = [[0.0; 3]; POINTS];
         for (k, point) in points.iter_mut().enumerate() {
             // Every tenth is the rope's, in an order that changes; a hidden one is no number.
@@ -111,13 +112,13 @@ pub fn run<P: Probe>(
             hash.update(&[sample.confidence, f32::from(sample.gap)]);
         }
     }
-    let right = rope(phase)
+    let right = pendulum::<TRACES>(phase)
         .iter()
         .zip(tracker.samples())
         .all(|(truth, sample)| {
             sample.position == *truth && matches!(sample.source, Source::Measured(_))
         });
-    let reversed = rope(phase)
+    let reversed = pendulum::<TRACES>(phase)
         .iter()
         .rev()
         .zip(tracker.samples())

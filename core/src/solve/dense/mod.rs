@@ -8,5 +8,5 @@ mod eigen;
 pub mod ldlt;
 mod orientation;
 
-pub use eigen::symmetric_eigen;
+pub use eigen::{jacobi_rotations, symmetric_eigen};
 pub use orientation::{Pair, Rigid, absolute_orientation};
