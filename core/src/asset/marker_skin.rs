@@ -7,9 +7,9 @@ use crate::deform::parts::{
     PartsError,
 };
 
-/// First word of the group in the header.
-const FIRST_WORD: usize = 36;
-pub(crate) const MARKER_SKIN_WORDS: usize = 8;
+/// Words of the group in the header.
+const WORDS: [usize; MARKER_SKIN_WORDS] = [36, 37, 38, 39, 40, 41, 42, 43, 28, 29, 30, 31];
+pub(crate) const MARKER_SKIN_WORDS: usize = 12;
 
 /// Counts of a marker-driven skin; all 0 where the asset has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +31,14 @@ pub struct MarkerSkinDims {
     pub marker_slot_count: usize,
     /// (part, marker) pairs of the exact mode.
     pub exact_member_count: usize,
+    /// Blocks that one part moves.
+    pub rigid_block_count: usize,
+    /// Members of the exact mode over all part slots: each slot counts those of its part.
+    pub exact_pair_count: usize,
+    /// Squares of the exact mode's members of each part, summed.
+    pub exact_square_count: usize,
+    /// Cubes of them, summed: what solving costs.
+    pub exact_cube_count: usize,
 }
 
 /// Mode numbers in the header.
@@ -41,20 +49,44 @@ pub(crate) const LINEAR_HYBRID: usize = 4;
 
 impl MarkerSkinDims {
     pub(crate) const fn read(bytes: &[u8]) -> Self {
+        let mut words = [0; MARKER_SKIN_WORDS];
+        let mut at = 0;
+        while at < MARKER_SKIN_WORDS {
+            words[at] = count(bytes, WORDS[at]);
+            at += 1;
+        }
+        let [
+            marker_count,
+            part_count,
+            member_count,
+            carrier_count,
+            mode,
+            part_slot_count,
+            marker_slot_count,
+            exact_member_count,
+            rigid_block_count,
+            exact_pair_count,
+            exact_square_count,
+            exact_cube_count,
+        ] = words;
         Self {
-            marker_count: count(bytes, FIRST_WORD),
-            part_count: count(bytes, FIRST_WORD + 1),
-            member_count: count(bytes, FIRST_WORD + 2),
-            carrier_count: count(bytes, FIRST_WORD + 3),
-            mode: count(bytes, FIRST_WORD + 4),
-            part_slot_count: count(bytes, FIRST_WORD + 5),
-            marker_slot_count: count(bytes, FIRST_WORD + 6),
-            exact_member_count: count(bytes, FIRST_WORD + 7),
+            marker_count,
+            part_count,
+            member_count,
+            carrier_count,
+            mode,
+            part_slot_count,
+            marker_slot_count,
+            exact_member_count,
+            rigid_block_count,
+            exact_pair_count,
+            exact_square_count,
+            exact_cube_count,
         }
     }
 
-    /// The words and where they stand in the header.
-    pub(crate) const fn words(&self) -> (usize, [usize; MARKER_SKIN_WORDS]) {
+    /// Where the words stand in the header, and the words.
+    pub(crate) const fn words(&self) -> ([usize; MARKER_SKIN_WORDS], [usize; MARKER_SKIN_WORDS]) {
         let words = [
             self.marker_count,
             self.part_count,
@@ -64,8 +96,12 @@ impl MarkerSkinDims {
             self.part_slot_count,
             self.marker_slot_count,
             self.exact_member_count,
+            self.rigid_block_count,
+            self.exact_pair_count,
+            self.exact_square_count,
+            self.exact_cube_count,
         ];
-        (FIRST_WORD, words)
+        (WORDS, words)
     }
 
     /// Length of a section of this group in an asset of so many blocks and vertices; `None` beyond
@@ -189,6 +225,35 @@ impl<'a> MarkerSkinSections<'a> {
             _ => MarkerMode::Hybrid(Hybrid::new_checked(self.blocks, self.slots, counts)?),
         };
         Ok(MarkerSkin { rig, mode })
+    }
+}
+
+impl MarkerSkin<'_> {
+    /// The counts that the tables give, of rigid blocks, exact pairs, squares and cubes; `None` for
+    /// one beyond 32 bits. O(blocks + slots)
+    pub(crate) fn spread(&self) -> Option<[usize; 4]> {
+        let (blocks, members) = match &self.mode {
+            MarkerMode::Exact(exact) => (exact.tables().blocks, exact.tables().member_starts),
+            MarkerMode::Collapsed(_) => return Some([0; 4]),
+            MarkerMode::Hybrid(hybrid) => (*hybrid.part_blocks(), &[][..]),
+        };
+        let lengths = |starts: &'_ [u32], row: usize| match (starts.get(row), starts.get(row + 1)) {
+            (Some(&first), Some(&end)) => end.saturating_sub(first),
+            _ => 0,
+        };
+        let rigid = (0..blocks.block_count()).filter(|&block| lengths(blocks.starts, block) == 1);
+        let (mut pairs, mut squares, mut cubes) = (0_u32, 0_u32, 0_u32);
+        for &part in blocks.parts {
+            pairs = pairs.checked_add(lengths(members, usize::from(part)))?;
+        }
+        for part in 0..members.len().saturating_sub(1) {
+            let count = lengths(members, part);
+            let square = count.checked_mul(count)?;
+            squares = squares.checked_add(square)?;
+            cubes = cubes.checked_add(square.checked_mul(count)?)?;
+        }
+        let [pairs, squares, cubes] = [pairs, squares, cubes].map(|count| count as usize);
+        Some([rigid.count(), pairs, squares, cubes])
     }
 }
 

@@ -310,7 +310,7 @@ const fn skin_cost(dims: &Dims, budget: Budget) -> Cost {
 }
 
 /// The smaller one. A baked block has no bind twice, so no more slots than there are binds.
-const fn fewest(a: u64, b: u64) -> u64 {
+pub(super) const fn fewest(a: u64, b: u64) -> u64 {
     if a < b { a } else { b }
 }
 
@@ -407,11 +407,12 @@ const fn exact_cost(dims: &Dims, budget: Budget) -> Cost {
         };
     }
     Cost {
-        // Four numbers of a quad, four right-hand sides, forward and back. A guess blends four
-        // rigid motions; edges are summed for rotations and, twice, for positions.
+        // Four numbers of a quad, four right-hand sides, forward and back; corners of a triangle
+        // hold 10 of 16. A row's rotation, once more where the base moves; a guess from four
+        // markers; what is missing. Edges are summed for rotations and, twice, for positions.
         mul_adds: joints * (MARKER + 8)
-            + quads * 4 * 4 * 2
-            + rows * (2 * TURN + 4 * (18 + 9 + 4) + 9 + 8)
+            + (quads * 4 - rows / 4 * 2 * 6) * 4 * 2
+            + rows * ((18 + 16) + 18 + (4 * 8 + 18) + 22)
             + edges * 3 * 4
             + vertices * (18 + 9),
         divisions: 0,

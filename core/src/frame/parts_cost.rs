@@ -1,31 +1,36 @@
 //! What a frame of a skin that markers drive costs.
 
+use super::budget::fewest;
 use super::{Budget, Cost};
 use crate::asset::{Dims, LANES};
+use crate::deform::parts::{HELD, REFITS};
+use crate::solve::dense::jacobi_rotations;
 
 /// Fits of a part's frame: the first, and those after markers that are out of place.
-const FITS: u64 = 3;
-/// A pair in all fits: its share in both centroids, then in the matrix; before each further fit how
-/// far off it is, once to decide and in each of two passes to weigh it.
-const PAIR: u64 = FITS * (6 + 12) + (FITS - 1) * (12 + 2 * 14);
-/// Pairs that hold a part besides its markers: a pivot, and three for the parent's turn. The
-/// parent's motion of each is found anew in every pass.
-const HELD: u64 = 4 * (PAIR + 9 * (2 + 3 + 3));
-/// An eigenproblem: six sweeps over six pairs of rows of a matrix of four, with the vectors'; then
-/// the quaternion's matrix.
-const EIGEN: u64 = 6 * 6 * (26 + 3 * 16) + 60;
-/// A marker carried back by blended frames, its residual measured, and put forth again.
-const MARKER: u64 = 90;
+const FITS: u64 = 1 + REFITS as u64;
+/// An inverse square root.
+const ROOT: u64 = 10;
+/// A pair in all fits: its share in both centroids, then in the matrix and the spread; before each
+/// further fit how far off it is and what it still counts.
+const PAIR: u64 = FITS * (6 + 15) + REFITS as u64 * (9 + 3 + 1);
+/// Pairs that hold a part besides its markers, and where the parent takes them.
+const HELD_PAIRS: u64 = HELD as u64 * (PAIR + 9) + 1;
+/// Jacobi rotations of a fit: each an angle, two columns of the matrix, two vectors.
+const ROTATIONS: u64 = jacobi_rotations(4) as u64;
+const ROTATION: u64 = 4 + 2 * ROOT + 1 + 2 * 4 + 4 * 4;
+/// An eigenproblem; then the unit quaternion, its matrix, the translation.
+const EIGEN: u64 = ROTATIONS * ROTATION + (4 + ROOT + 4) + 9 + 9 + 1;
+/// The matrix that further fits measure by.
+const REFIT: u64 = 9 + 1;
+/// The parent's frame, and a part's own as a dual quaternion, a matrix, and to be kept.
+const PART: u64 = 16 + 9 + 19 + 9 + 16;
+/// A blended frame, a marker carried back by it, the residual cut to its limit, put forth again.
+const MARKER: u64 = (4 + ROOT + 8) + 16 + 9 + 33 + (3 + 1) + (ROOT + 1 + 3) + 9;
 /// A part's frame blended into a marker's.
 const CARRIER: u64 = 12;
 
 /// Bounds a frame of a skin that markers drive, [`follow_cost`] and a stream of vertices with
 /// normals, for any input. O(1); usable in a `const`.
-///
-/// The exact mode's bound takes all its members for those of one part, since the counts do not say
-/// how they are spread; [`Exact::multiply_adds`] knows, once the asset is loaded.
-///
-/// [`Exact::multiply_adds`]: crate::deform::parts::Exact::multiply_adds
 #[must_use]
 pub const fn parts_cost(dims: &Dims, budget: Budget) -> Cost {
     if dims.marker_skin.marker_count == 0 {
@@ -45,10 +50,12 @@ pub const fn follow_cost(dims: &Dims) -> Cost {
     let (members, carriers) = (counts.member_count as u64, counts.carrier_count as u64);
     Cost {
         mul_adds: PAIR * members
-            + (HELD + FITS * EIGEN) * parts
+            + (PART + HELD_PAIRS + FITS * EIGEN + REFITS as u64 * REFIT) * parts
             + MARKER * markers
             + CARRIER * carriers,
-        divisions: FITS * (members + (4 + 6 * 6 * 2 + 2) * parts) + markers,
+        divisions: REFITS as u64 * (members + HELD as u64 * parts)
+            + FITS * (2 * ROTATIONS + 6) * parts
+            + markers,
         bytes_read: members * 6 + carriers * 6 + markers * 16 + parts * 22,
         bytes_written: 0,
     }
@@ -67,22 +74,30 @@ const fn stream(dims: &Dims, budget: Budget) -> Cost {
     let (mul_adds, divisions) = match counts.mode {
         // Each member of a slot's part adds to a position and to its slope.
         1 => (
-            members * members * (members / 6 + 20)
+            (counts.exact_cube_count as u64).div_ceil(6)
+                + 20 * counts.exact_square_count as u64
                 + 150 * members
-                + lanes * (parts * (170 + 40 * members) + 60 * blocks),
-            lanes * blocks + members,
+                + lanes * (170 * parts + 40 * counts.exact_pair_count as u64 + 60 * blocks),
+            // Kernels of two lanes ask for the reach of a part four times a block.
+            lanes * blocks + lanes / 2 * parts + members,
         ),
         // Three sums of three numbers; their cross product at unit length.
         2 => (lanes * (9 * markers + 21 * blocks), 0),
-        // The same sums, then a skin by dual quaternions without stretch: a slot's weight, side and
-        // sum; a vertex's tangents and their cross product, matrix, position and normal.
-        _ => (
-            lanes
-                * (9 * markers
-                    + (1 + 4 + 8) * parts
-                    + (10 + 6 + (4 + 12 + 15) + 9 + 9 + 15) * blocks),
-            2 * lanes * blocks,
-        ),
+        // The same sums, then a skin by dual quaternions without stretch: a slot's weight, sum, and,
+        // but for the first, side; a vertex's tangents and their cross product, matrix, position
+        // and normal. A block of one part needs no sums.
+        _ => {
+            let rigid = fewest(counts.rigid_block_count as u64, blocks);
+            let (blended, slots) = (blocks - rigid, parts - rigid);
+            (
+                lanes
+                    * (9 * markers
+                        + (1 + 4 + 8) * slots
+                        + (4 + 12 + 15 - 4) * blended
+                        + (8 + 6 + 9 + 9 + 15) * blocks),
+                lanes * (blocks + blended),
+            )
+        }
     };
     Cost {
         mul_adds,

@@ -10,7 +10,7 @@ use sinew_core::asset::{Asset, MarkerMode};
 use sinew_core::deform::parts::{RigState, rig_state_len, rig_workspace_len};
 use sinew_core::deform::{Level, Output};
 use sinew_core::frame::{
-    Avatar, Budget, Fingerprint, Input, State, Workspace, parts_cost, state_len, workspace_len,
+    Avatar, Budget, Fingerprint, Input, State, Workspace, state_len, workspace_len,
 };
 use sinew_core::track::markers::{
     Config, FixedWorkspace, Model, Source, State as Traces, Trace, Tracker,
@@ -135,10 +135,6 @@ pub fn run<P: Probe>(
         hash.update(normals);
     }
     for (name, value) in [
-        (
-            "bound_skin_mul_adds",
-            parts_cost(dims, Budget::UNLIMITED).mul_adds,
-        ),
         ("markers", markers as u64),
         ("parts", parts as u64),
         ("traces", TRACES as u64),

@@ -11,11 +11,11 @@ pub(super) fn check<'a>(
     sections: &Sections<'a>,
 ) -> Result<Option<MarkerSkin<'a>>, AssetError> {
     let dims = &asset.dims.marker_skin;
-    let (first, words) = dims.words();
+    let (places, words) = dims.words();
     let fault = |at: usize| {
         let value = words.get(at).copied().unwrap_or(0);
         Err(AssetError::Counts {
-            index: first + at,
+            index: places.get(at).copied().unwrap_or(0),
             value,
         })
     };
@@ -88,5 +88,20 @@ pub(super) fn check<'a>(
             smoothing,
         },
     };
-    group.check(dims).map(Some).map_err(AssetError::MarkerSkin)
+    let skin = group.check(dims).map_err(AssetError::MarkerSkin)?;
+    let stated = [
+        dims.rigid_block_count,
+        dims.exact_pair_count,
+        dims.exact_square_count,
+        dims.exact_cube_count,
+    ];
+    let found = skin.spread().unwrap_or([usize::MAX; 4]);
+    match found
+        .iter()
+        .zip(&stated)
+        .position(|(found, stated)| found != stated)
+    {
+        Some(at) => fault(8 + at),
+        None => Ok(Some(skin)),
+    }
 }

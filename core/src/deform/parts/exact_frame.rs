@@ -330,7 +330,7 @@ fn basis(squared: f32) -> f32 {
     let distance = squared * inverse_sqrt(squared + 1e-20);
     let outer = (2.0 - distance).max(0.0);
     let inner = (1.0 - distance).max(0.0);
-    (outer * outer * outer - 4.0 * (inner * inner * inner)) / 6.0
+    (outer * outer * outer - 4.0 * (inner * inner * inner)) * (1.0 / 6.0)
 }
 
 /// The opposite rotation of a rigid matrix, without translation.

@@ -39,6 +39,7 @@ pub use exact_frame::{
 };
 pub use hybrid::{Hybrid, PartFrames};
 pub use rig::{FollowReport, Followed, MarkerRig, RigState, rig_state_len, rig_workspace_len};
+pub(crate) use rig::{HELD, REFITS};
 pub use rig_check::MarkerRigTables;
 pub use slots::{MarkerSlots, PartBlocks};
 

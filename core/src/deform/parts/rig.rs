@@ -28,7 +28,10 @@ const TURN_REACH: f32 = 0.1;
 const TURN_WEIGHT: f32 = 0.01;
 
 /// Fits after the first where markers are out of place.
-const REFITS: usize = 2;
+pub(crate) const REFITS: usize = 2;
+
+/// Pairs that hold a part besides its markers.
+pub(crate) const HELD: usize = 4;
 
 /// Checked tables from markers to part frames.
 #[derive(Clone, Copy, Debug)]
@@ -152,15 +155,6 @@ impl<'a> MarkerRig<'a> {
         self.tables.parents.len()
     }
 
-    /// Multiplications of [`Self::follow`]; an upper bound for any input.
-    #[must_use]
-    pub fn multiply_adds(&self) -> usize {
-        // A pair goes through two passes and a look; an eigenproblem has 36 rotations of 40 each.
-        (1 + REFITS) * (40 * self.tables.member_markers.len() + 2_000 * self.part_count())
-            + 60 * self.marker_count()
-            + 13 * self.tables.carrier_parts.len()
-    }
-
     /// Fits all part frames and completes the markers. First half of a frame in every mode.
     ///
     /// `positions`: `[markers]` in metres; those that are missing, NaN or infinite are held.
@@ -201,10 +195,13 @@ impl<'a> MarkerRig<'a> {
         for part in 0..parts {
             let before = frames.get(part).map_or(Rigid::REST, unpack);
             let above = self.above(part, duals);
-            let now = self.fit(part, positions, above).unwrap_or_else(|| {
-                report.held_parts += usize::from(!row(self.tables.member_starts, part).is_empty());
-                self.with_parent(part, &before, frames, duals)
-            });
+            let now = self
+                .fit(part, positions, above, residuals)
+                .unwrap_or_else(|| {
+                    report.held_parts +=
+                        usize::from(!row(self.tables.member_starts, part).is_empty());
+                    self.with_parent(part, &before, frames, duals)
+                });
             if let Some(dual) = duals.get_mut(part) {
                 *dual = to_dual(&now);
             }
@@ -261,59 +258,87 @@ impl<'a> MarkerRig<'a> {
 
     /// The frame of a part from its markers in sight, held by its pivot, and as its parent turns
     /// where both leave a turn open.
-    fn fit(&self, part: usize, positions: &[[f32; 3]], above: Option<Affine12>) -> Option<Rigid> {
+    ///
+    /// `scratch`: `[markers]`, old contents do not matter.
+    fn fit(
+        &self,
+        part: usize,
+        positions: &[[f32; 3]],
+        above: Option<Affine12>,
+        scratch: &mut [[f32; 3]],
+    ) -> Option<Rigid> {
         let range = row(self.tables.member_starts, part);
         let markers = self.tables.member_markers.get(range.clone())?;
         let weights = self.tables.member_weights.get(range)?;
-        let rest = self.tables.rest;
         let seen = markers
             .iter()
             .zip(weights)
             .filter_map(|(&marker, &weight)| {
-                let &from = rest.get(usize::from(marker))?;
-                let &to = positions
-                    .get(usize::from(marker))
-                    .filter(|position| usable(position))?;
-                Some(Pair { from, to, weight })
+                let marker = usize::from(marker);
+                let &from = self.tables.rest.get(marker)?;
+                let &to = positions.get(marker).filter(|at| usable(at))?;
+                Some((marker, Pair { from, to, weight }))
             });
         // Without any marker the last frame is the better guess.
         seen.clone().next()?;
-        let held = above.iter().flat_map(|above| {
-            let &[x, y, z, weight] = self.tables.pivots.get(part).unwrap_or(&[0.0; 4]);
-            let (far, open) = (TURN_REACH, TURN_WEIGHT * weight);
-            let pairs = [
-                ([x, y, z], weight),
-                ([x + far, y, z], open),
-                ([x, y + far, z], open),
-                ([x, y, z + far], open),
-            ];
-            pairs.map(|(from, weight)| Pair {
-                from,
-                to: transform_point(above, from),
-                weight,
-            })
-        });
-        let pairs = seen.chain(held);
+        let held = above.map(|above| self.held(part, &above));
+        let held = held.as_ref().map_or(&[][..], |held| held);
+        let pairs = seen
+            .clone()
+            .map(|(_, pair)| pair)
+            .chain(held.iter().copied());
         let mut frame = absolute_orientation(pairs.clone())?;
         // A marker far from where its part takes it is one that was taken for another: those count
         // the less the further they are (Cauchy's weights), in two more fits at most.
         let limit2 = self.tables.residual_limit * self.tables.residual_limit;
         for _ in 0..REFITS {
             let matrix = affine(frame.rotation, frame.translation, [1.0; 3]);
-            let off2 = |pair: &Pair| {
+            let mut is_near = true;
+            let mut weigh = |pair: Pair| {
                 let [x, y, z] = less(transform_point(&matrix, pair.from), pair.to);
-                x * x + y * y + z * z
+                let off2 = x * x + y * y + z * z;
+                is_near &= off2 <= limit2;
+                pair.weight * limit2 / (limit2 + off2 + 1e-12)
             };
-            if pairs.clone().all(|pair| off2(&pair) <= limit2) {
+            for (marker, pair) in seen.clone() {
+                if let Some([weight, ..]) = scratch.get_mut(marker) {
+                    *weight = weigh(pair);
+                }
+            }
+            let mut weighed_held = [0.0; HELD];
+            for (weight, pair) in weighed_held.iter_mut().zip(held) {
+                *weight = weigh(*pair);
+            }
+            if is_near {
                 break;
             }
-            let weighed = pairs.clone().map(|pair| Pair {
-                weight: pair.weight * limit2 / (limit2 + off2(&pair) + 1e-12),
+            let seen = seen.clone().map(|(marker, pair)| Pair {
+                weight: scratch.get(marker).map_or(0.0, |[weight, ..]| *weight),
                 ..pair
             });
-            frame = absolute_orientation(weighed)?;
+            let held = held.iter().zip(weighed_held);
+            let held = held.map(|(&pair, weight)| Pair { weight, ..pair });
+            frame = absolute_orientation(seen.chain(held))?;
         }
         Some(frame)
+    }
+
+    /// What holds a part besides its markers: its pivot, and three points around it that go as the
+    /// parent does.
+    fn held(&self, part: usize, above: &Affine12) -> [Pair; HELD] {
+        let &[x, y, z, weight] = self.tables.pivots.get(part).unwrap_or(&[0.0; 4]);
+        let (far, open) = (TURN_REACH, TURN_WEIGHT * weight);
+        let points = [
+            ([x, y, z], weight),
+            ([x + far, y, z], open),
+            ([x, y + far, z], open),
+            ([x, y, z + far], open),
+        ];
+        points.map(|(from, weight)| Pair {
+            from,
+            to: transform_point(above, from),
+            weight,
+        })
     }
 
     /// A part's last frame, moved as its parent has moved since.

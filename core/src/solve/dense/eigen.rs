@@ -32,20 +32,13 @@ pub fn symmetric_eigen<const N: usize>(mut matrix: [[f32; N]; N]) -> ([f32; N], 
         let Some((p, q)) = largest(&matrix) else {
             break;
         };
-        let (cosine, sine) = rotation(&matrix, p, q);
-        turn_rows(&mut matrix, p, q, cosine, sine);
-        for row in &mut matrix {
-            if let Ok([a, b]) = row.get_disjoint_mut([p, q]) {
-                (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
+        let turn = Turn::away(&matrix, p, q);
+        turn.apply(&mut matrix, p, q);
+        if let Ok([p, q]) = vectors.get_disjoint_mut([p, q]) {
+            for (a, b) in p.iter_mut().zip(q) {
+                (*a, *b) = turn.both(*a, *b);
             }
         }
-        // Zero but for rounding, which would be taken for an entry again.
-        for (row, column) in [(p, q), (q, p)] {
-            if let Some(entry) = matrix.get_mut(row).and_then(|row| row.get_mut(column)) {
-                *entry = 0.0;
-            }
-        }
-        turn_rows(&mut vectors, p, q, cosine, sine);
     }
     let mut values = [0.0; N];
     for (at, (value, row)) in values.iter_mut().zip(&matrix).enumerate() {
@@ -70,26 +63,69 @@ fn largest<const N: usize>(matrix: &[[f32; N]; N]) -> Option<(usize, usize)> {
     place.filter(|_| most > NOTHING * scale + 1e-30)
 }
 
-/// Cosine and sine that take the entry `(p, q)`, which is not zero, away.
-fn rotation<const N: usize>(matrix: &[[f32; N]; N], p: usize, q: usize) -> (f32, f32) {
-    let entry = |p: usize, q: usize| {
-        let row = matrix.get(p).and_then(|row| row.get(q));
-        row.copied().unwrap_or(0.0)
-    };
-    let (pp, pq, qq) = (entry(p, p), entry(p, q), entry(q, q));
-    let theta = (qq - pp) / (2.0 * pq);
-    let squared = theta * theta + 1.0;
-    let tangent = 1.0_f32.copysign(theta) / (theta.abs() + squared * inverse_sqrt(squared));
-    let cosine = inverse_sqrt(tangent * tangent + 1.0);
-    (cosine, tangent * cosine)
+/// A rotation in the plane of two axes.
+struct Turn {
+    cosine: f32,
+    sine: f32,
+    tangent: f32,
 }
 
-fn turn_rows<const N: usize>(rows: &mut [[f32; N]; N], p: usize, q: usize, c: f32, s: f32) {
-    if let Ok([p, q]) = rows.get_disjoint_mut([p, q]) {
-        for (a, b) in p.iter_mut().zip(q) {
-            (*a, *b) = (c * *a - s * *b, s * *a + c * *b);
+impl Turn {
+    /// The one that takes the entry `(p, q)`, which is not zero, away.
+    fn away<const N: usize>(matrix: &[[f32; N]; N], p: usize, q: usize) -> Self {
+        let (pp, pq, qq) = (
+            entry(matrix, p, p),
+            entry(matrix, p, q),
+            entry(matrix, q, q),
+        );
+        let theta = (qq - pp) / (pq + pq);
+        let squared = theta * theta + 1.0;
+        let tangent = 1.0_f32.copysign(theta) / (theta.abs() + squared * inverse_sqrt(squared));
+        let cosine = inverse_sqrt(tangent * tangent + 1.0);
+        Self {
+            cosine,
+            sine: tangent * cosine,
+            tangent,
         }
     }
+
+    fn both(&self, a: f32, b: f32) -> (f32, f32) {
+        let (c, s) = (self.cosine, self.sine);
+        (c * a - s * b, s * a + c * b)
+    }
+
+    /// From both sides of a symmetric matrix.
+    fn apply<const N: usize>(&self, matrix: &mut [[f32; N]; N], p: usize, q: usize) {
+        let step = self.tangent * entry(matrix, p, q);
+        for at in 0..N {
+            if at != p && at != q {
+                let (a, b) = self.both(entry(matrix, at, p), entry(matrix, at, q));
+                for (row, column, value) in [(at, p, a), (p, at, a), (at, q, b), (q, at, b)] {
+                    put(matrix, row, column, value);
+                }
+            }
+        }
+        let (pp, qq) = (entry(matrix, p, p), entry(matrix, q, q));
+        for (row, column, value) in [
+            (p, p, pp - step),
+            (q, q, qq + step),
+            (p, q, 0.0),
+            (q, p, 0.0),
+        ] {
+            put(matrix, row, column, value);
+        }
+    }
+}
+
+fn put<const N: usize>(matrix: &mut [[f32; N]; N], row: usize, column: usize, value: f32) {
+    if let Some(entry) = matrix.get_mut(row).and_then(|row| row.get_mut(column)) {
+        *entry = value;
+    }
+}
+
+fn entry<const N: usize>(matrix: &[[f32; N]; N], row: usize, column: usize) -> f32 {
+    let row = matrix.get(row).and_then(|row| row.get(column));
+    row.copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

@@ -54,7 +54,13 @@ impl Writer {
             ModeData::Exact { blocks, modes } => {
                 self.part_blocks(blocks);
                 smoothing = modes.smoothing;
-                self.dims.marker_skin.exact_member_count = modes.member_markers.len();
+                let members = row_lengths(&modes.member_starts);
+                let dims = &mut self.dims.marker_skin;
+                dims.exact_member_count = modes.member_markers.len();
+                let of_part = |&part: &u16| members[usize::from(part)];
+                dims.exact_pair_count = blocks.parts.iter().map(of_part).sum();
+                dims.exact_square_count = members.iter().map(|n| n * n).sum();
+                dims.exact_cube_count = members.iter().map(|n| n * n * n).sum();
                 let gradients = modes.gradients.as_flattened().as_flattened();
                 self.put(K::PartSlotGradients, gradients);
                 self.put(K::PartToLocal, modes.to_local.as_flattened());
@@ -72,6 +78,8 @@ impl Writer {
 
     fn part_blocks(&mut self, blocks: &BlockTables) {
         self.dims.marker_skin.part_slot_count = blocks.parts.len();
+        let rigid = row_lengths(&blocks.starts).into_iter().filter(|&n| n == 1);
+        self.dims.marker_skin.rigid_block_count = rigid.count();
         let flat = |lanes: &[[[f32; 8]; 3]]| lanes.as_flattened().as_flattened().to_vec();
         self.put(K::PartPositions, &flat(&blocks.positions));
         self.put(K::PartNormals, &flat(&blocks.normals));
@@ -87,4 +95,10 @@ impl Writer {
         let shares = slots.shares.as_flattened().as_flattened();
         self.put(K::MarkerSlotShares, shares);
     }
+}
+
+/// How many entries each row of a table has.
+fn row_lengths(starts: &[u32]) -> Vec<usize> {
+    let rows = starts.windows(2);
+    rows.map(|ends| (ends[1] - ends[0]) as usize).collect()
 }

@@ -1,12 +1,13 @@
 //! Runs a marker-driven skin in the core, on the host.
 
 use glam::DVec3;
-use sinew_core::asset::{Dims, MarkerMode, MarkerSkin};
+use sinew_core::asset::{Dims, MarkerMode, MarkerSkin, MarkerSkinDims};
 use sinew_core::deform::parts::{
     ExactBudget, ExactReport, ExactState, FollowReport, MarkerRig, PartFrames, PartsError,
     RigState, exact_state_len, rig_state_len, rig_workspace_len,
 };
 use sinew_core::deform::{Level, Output};
+use sinew_core::frame::follow_cost;
 
 use super::tables::{ModeData, RigTables};
 
@@ -129,7 +130,19 @@ impl<'t> MarkerPlayer<'t> {
             MarkerMode::Hybrid(skin) => skin.multiply_adds(),
             MarkerMode::Exact(skin) => skin.multiply_adds(),
         };
-        self.rig.multiply_adds() + blocks
+        let tables = self.rig.tables();
+        let marker_skin = MarkerSkinDims {
+            marker_count: self.rig.marker_count(),
+            part_count: self.rig.part_count(),
+            member_count: tables.member_markers.len(),
+            carrier_count: tables.carrier_parts.len(),
+            ..MarkerSkinDims::default()
+        };
+        let dims = Dims {
+            marker_skin,
+            ..Dims::default()
+        };
+        follow_cost(&dims).mul_adds as usize + blocks
     }
 
     /// Metres, `[vertices]`.
