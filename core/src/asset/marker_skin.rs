@@ -7,9 +7,8 @@ use crate::deform::parts::{
     PartsError,
 };
 
-/// First word of the group in the header.
-const FIRST_WORD: usize = 36;
-pub(crate) const MARKER_SKIN_WORDS: usize = 8;
+/// Words of the group in the header.
+pub(crate) const MARKER_SKIN_WORDS: [usize; 9] = [36, 37, 38, 39, 40, 41, 42, 43, 47];
 
 /// Counts of a marker-driven skin; all 0 where the asset has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +30,8 @@ pub struct MarkerSkinDims {
     pub marker_slot_count: usize,
     /// (part, marker) pairs of the exact mode.
     pub exact_member_count: usize,
+    /// (marker, twice eight shares) slots of tangents of all blocks.
+    pub tangent_slot_count: usize,
 }
 
 /// Mode numbers in the header.
@@ -42,20 +43,21 @@ pub(crate) const LINEAR_HYBRID: usize = 4;
 impl MarkerSkinDims {
     pub(crate) const fn read(bytes: &[u8]) -> Self {
         Self {
-            marker_count: count(bytes, FIRST_WORD),
-            part_count: count(bytes, FIRST_WORD + 1),
-            member_count: count(bytes, FIRST_WORD + 2),
-            carrier_count: count(bytes, FIRST_WORD + 3),
-            mode: count(bytes, FIRST_WORD + 4),
-            part_slot_count: count(bytes, FIRST_WORD + 5),
-            marker_slot_count: count(bytes, FIRST_WORD + 6),
-            exact_member_count: count(bytes, FIRST_WORD + 7),
+            marker_count: count(bytes, MARKER_SKIN_WORDS[0]),
+            part_count: count(bytes, MARKER_SKIN_WORDS[1]),
+            member_count: count(bytes, MARKER_SKIN_WORDS[2]),
+            carrier_count: count(bytes, MARKER_SKIN_WORDS[3]),
+            mode: count(bytes, MARKER_SKIN_WORDS[4]),
+            part_slot_count: count(bytes, MARKER_SKIN_WORDS[5]),
+            marker_slot_count: count(bytes, MARKER_SKIN_WORDS[6]),
+            exact_member_count: count(bytes, MARKER_SKIN_WORDS[7]),
+            tangent_slot_count: count(bytes, MARKER_SKIN_WORDS[8]),
         }
     }
 
-    /// The words and where they stand in the header.
-    pub(crate) const fn words(&self) -> (usize, [usize; MARKER_SKIN_WORDS]) {
-        let words = [
+    /// The words of [`MARKER_SKIN_WORDS`].
+    pub(crate) const fn words(&self) -> [usize; MARKER_SKIN_WORDS.len()] {
+        [
             self.marker_count,
             self.part_count,
             self.member_count,
@@ -64,8 +66,8 @@ impl MarkerSkinDims {
             self.part_slot_count,
             self.marker_slot_count,
             self.exact_member_count,
-        ];
-        (FIRST_WORD, words)
+            self.tangent_slot_count,
+        ]
     }
 
     /// Length of a section of this group in an asset of so many blocks and vertices; `None` beyond
@@ -106,7 +108,10 @@ impl MarkerSkinDims {
             ),
             K::MarkerSlotStarts => (if markers_move { starts(blocks) } else { 0 }, 4),
             K::MarkerSlotMarkers => (self.marker_slot_count, 2),
-            K::MarkerSlotShares => (self.marker_slot_count, 96),
+            K::MarkerSlotShares => (self.marker_slot_count, 32),
+            K::TangentSlotStarts => (if markers_move { starts(blocks) } else { 0 }, 4),
+            K::TangentSlotMarkers => (self.tangent_slot_count, 2),
+            K::TangentSlotShares => (self.tangent_slot_count, 64),
             K::PartToLocal | K::PartFromLocal => (self.exact_parts(), 48),
             K::PartDilations => (self.exact_parts(), 4),
             K::ExactStarts => (starts(self.exact_parts()), 4),

@@ -6,7 +6,7 @@ use sinew_core::asset::{LANES, WEIGHT_ONE};
 
 use crate::clean::linear::Cholesky;
 use crate::clean::rigid::Rigid;
-use crate::fit::parts::{BlockTables, ModeData, ModeTables, RigTables, SlotTables};
+use crate::fit::parts::{BlockTables, ModeData, ModeTables, RigTables, SlotRows};
 
 /// Vertices `[vertices]` in the source's order, metres, for markers `[markers]`; `quadratic` and
 /// `residual` switch terms of the exact mode.
@@ -20,7 +20,7 @@ pub fn positions(
     let mut out = vec![DVec3::ZERO; mode.order().len()];
     match mode {
         ModeData::Collapsed { order, slots } => {
-            add(order, slots, markers, &mut out);
+            add(order, &slots.positions, markers, &mut out);
         }
         ModeData::Hybrid {
             blocks,
@@ -35,7 +35,7 @@ pub fn positions(
                     out[vertex as usize] = vector(blocks.positions[block].map(|x| x[lane]));
                 }
             }
-            add(&blocks.order, slots, &residuals, &mut out);
+            add(&blocks.order, &slots.positions, &residuals, &mut out);
             for (block, lane, vertex) in lanes(blocks) {
                 let row = weights(blocks, block, lane);
                 out[vertex] = blend(&frames, &row).transform_point3(out[vertex]);
@@ -261,12 +261,12 @@ impl Part {
 }
 
 /// Adds shares of handles to vertices.
-fn add(order: &[u32], slots: &SlotTables, handles: &[DVec3], out: &mut [DVec3]) {
+fn add(order: &[u32], slots: &SlotRows<[f32; LANES]>, handles: &[DVec3], out: &mut [DVec3]) {
     for (block, vertices) in order.chunks(LANES).enumerate() {
         for slot in slots.starts[block] as usize..slots.starts[block + 1] as usize {
             let handle = handles[usize::from(slots.markers[slot])];
             for (lane, &vertex) in vertices.iter().enumerate() {
-                out[vertex as usize] += f64::from(slots.shares[slot][0][lane]) * handle;
+                out[vertex as usize] += f64::from(slots.shares[slot][lane]) * handle;
             }
         }
     }

@@ -72,8 +72,8 @@ impl<'a> Hybrid<'a> {
     /// Multiplications of all blocks with normals; an upper bound.
     #[must_use]
     pub fn multiply_adds(&self) -> usize {
-        let (parts, markers) = (self.blocks.parts.len(), self.slots.markers.len());
-        LANES * (13 * parts + 9 * markers + 100 * self.block_count())
+        let parts = self.blocks.parts.len();
+        self.slots.multiply_adds() + LANES * (13 * parts + 100 * self.block_count())
     }
 
     /// Vertices of a range of blocks, which is cut to those that exist. Ranges may go to different
@@ -137,28 +137,23 @@ impl<B: Blend> Kernel for Stream<'_, '_, B> {
         let wants_normals = store.wants_normals();
         let rest = &self.skin.blocks;
         for block in blocks {
-            let (slots, _) = rest.slots(block);
+            let (parts, _) = rest.slots(block);
             for first in (0..LANES).step_by(L::WIDTH) {
                 let at = (block, first);
+                let slots = &self.skin.slots;
                 let mut position = rest.position::<L>(token, block, first);
+                slots.add_positions(token, self.residuals, at, &mut position);
                 let mut normal = [L::splat(token, 0.0); 3];
                 if wants_normals {
                     normal = rest.normal(token, block, first);
-                    let [along, across] = tangents(token, normal);
-                    let mut sums = [position, along, across];
-                    self.skin
-                        .slots
-                        .add_all(token, self.residuals, at, &mut sums);
-                    let [displaced, along, across] = sums;
-                    position = displaced;
+                    let mut sums = tangents(token, normal);
+                    slots.add_tangents(token, self.residuals, at, &mut sums);
+                    let [along, across] = sums;
                     normal = cross(along, across);
-                } else {
-                    let slots = &self.skin.slots;
-                    slots.add_positions(token, self.residuals, at, &mut position);
                 }
-                let matrix = match *slots.binds {
+                let matrix = match *parts.binds {
                     [part] => splat(token, self.blend.rigid(part)),
-                    _ => self.blend.matrix::<L>(token, &slots, first),
+                    _ => self.blend.matrix::<L>(token, &parts, first),
                 };
                 store.positions(block, first, move_point(&matrix, position));
                 if wants_normals {

@@ -40,7 +40,7 @@ pub use exact_frame::{
 pub use hybrid::{Hybrid, PartFrames};
 pub use rig::{FollowReport, Followed, MarkerRig, RigState, rig_state_len, rig_workspace_len};
 pub use rig_check::MarkerRigTables;
-pub use slots::{MarkerSlots, PartBlocks};
+pub use slots::{MarkerRows, MarkerSlots, PartBlocks};
 
 /// Two unit tangents of a unit normal, right-handed with it (Duff et al., *Building an Orthonormal
 /// Basis, Revisited*, 2017): what the coefficients of [`MarkerSlots`] refer to.

@@ -278,22 +278,9 @@ impl<'a> MarkerRig<'a> {
             });
         // Without any marker the last frame is the better guess.
         seen.clone().next()?;
-        let held = above.iter().flat_map(|above| {
-            let &[x, y, z, weight] = self.tables.pivots.get(part).unwrap_or(&[0.0; 4]);
-            let (far, open) = (TURN_REACH, TURN_WEIGHT * weight);
-            let pairs = [
-                ([x, y, z], weight),
-                ([x + far, y, z], open),
-                ([x, y + far, z], open),
-                ([x, y, z + far], open),
-            ];
-            pairs.map(|(from, weight)| Pair {
-                from,
-                to: transform_point(above, from),
-                weight,
-            })
-        });
-        let pairs = seen.chain(held);
+        let held = above.map(|above| self.held(part, &above));
+        let held = held.as_ref().map_or(&[][..], |held| &held[..]);
+        let pairs = seen.chain(held.iter().copied());
         let mut frame = absolute_orientation(pairs.clone())?;
         // A marker far from where its part takes it is one that was taken for another: those count
         // the less the further they are (Cauchy's weights), in two more fits at most.
@@ -314,6 +301,23 @@ impl<'a> MarkerRig<'a> {
             frame = absolute_orientation(weighed)?;
         }
         Some(frame)
+    }
+
+    /// The pivot of a part, and points beside it that turn as the parent does.
+    fn held(&self, part: usize, above: &Affine12) -> [Pair; 4] {
+        let &[x, y, z, weight] = self.tables.pivots.get(part).unwrap_or(&[0.0; 4]);
+        let (far, open) = (TURN_REACH, TURN_WEIGHT * weight);
+        let points = [
+            ([x, y, z], weight),
+            ([x + far, y, z], open),
+            ([x, y + far, z], open),
+            ([x, y, z + far], open),
+        ];
+        points.map(|(from, weight)| Pair {
+            from,
+            to: transform_point(above, from),
+            weight,
+        })
     }
 
     /// A part's last frame, moved as its parent has moved since.
@@ -346,6 +350,11 @@ impl<'a> MarkerRig<'a> {
         let range = row(self.tables.carrier_starts, marker);
         let parts = self.tables.carrier_parts.get(range.clone());
         let weights = self.tables.carrier_weights.get(range);
+        // What one part carries alone moves as it does.
+        if let Some(&[part]) = parts {
+            let frame = palette.get(usize::from(part));
+            return frame.copied().unwrap_or(IDENTITY);
+        }
         let parts = parts.unwrap_or_default().iter().map(|&p| usize::from(p));
         let carriers = parts.zip(weights.unwrap_or_default());
         if self.linear {

@@ -1,65 +1,98 @@
-//! Eigenvalues of small symmetric matrices by cyclic Jacobi rotations.
+//! Eigenvalues of a symmetric matrix of 4 x 4 by cyclic Jacobi rotations.
 
 use crate::math::inverse_sqrt;
 
-/// Rounds over all pairs; the error falls quadratically, so 4 x 4 matrices need no more.
+/// Most rounds over all pairs; the error falls quadratically, so no more are needed.
 const SWEEPS: usize = 6;
 
-/// Eigenvalues, and eigenvectors as rows, of a symmetric matrix of up to 4 x 4, in no order.
+/// An entry this small beside its diagonal is nothing in 32-bit numbers.
+const NOTHING: f32 = 3e-8;
+
+/// Eigenvalues, and eigenvectors as rows, of a symmetric matrix, of which the upper triangle is
+/// read, in no order.
 ///
-/// Six sweeps whatever the matrix is, so the cost is fixed. Numbers must be finite and below 1e12.
-/// O(`N`^3) (Golub & Van Loan, *Matrix Computations*, section 8.5)
+/// At most six sweeps, and none after one that finds nothing to turn. Numbers must be finite and
+/// below 1e12. (Golub & Van Loan, *Matrix Computations*, section 8.5)
 #[must_use]
-pub fn symmetric_eigen<const N: usize>(mut matrix: [[f32; N]; N]) -> ([f32; N], [[f32; N]; N]) {
-    let mut vectors = [[0.0; N]; N];
-    for (at, row) in vectors.iter_mut().enumerate() {
-        if let Some(diagonal) = row.get_mut(at) {
-            *diagonal = 1.0;
-        }
-    }
+pub fn symmetric_eigen(matrix: [[f32; 4]; 4]) -> ([f32; 4], [[f32; 4]; 4]) {
+    let [
+        [mut aa, mut ab, mut ac, mut ad],
+        [_, mut bb, mut bc, mut bd],
+        [_, _, mut cc, mut cd],
+        [_, _, _, mut dd],
+    ] = matrix;
+    let mut a = [1.0, 0.0, 0.0, 0.0];
+    let mut b = [0.0, 1.0, 0.0, 0.0];
+    let mut c = [0.0, 0.0, 1.0, 0.0];
+    let mut d = [0.0, 0.0, 0.0, 1.0];
     for _ in 0..SWEEPS {
-        for p in 0..N {
-            for q in p + 1..N {
-                if let Some((cosine, sine)) = rotation(&matrix, p, q) {
-                    turn_rows(&mut matrix, p, q, cosine, sine);
-                    for row in &mut matrix {
-                        if let Ok([a, b]) = row.get_disjoint_mut([p, q]) {
-                            (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
-                        }
-                    }
-                    turn_rows(&mut vectors, p, q, cosine, sine);
-                }
-            }
+        let mut turned = turn(
+            [&mut aa, &mut bb, &mut ab],
+            [(&mut ac, &mut bc), (&mut ad, &mut bd)],
+            (&mut a, &mut b),
+        );
+        turned |= turn(
+            [&mut aa, &mut cc, &mut ac],
+            [(&mut ab, &mut bc), (&mut ad, &mut cd)],
+            (&mut a, &mut c),
+        );
+        turned |= turn(
+            [&mut aa, &mut dd, &mut ad],
+            [(&mut ab, &mut bd), (&mut ac, &mut cd)],
+            (&mut a, &mut d),
+        );
+        turned |= turn(
+            [&mut bb, &mut cc, &mut bc],
+            [(&mut ab, &mut ac), (&mut bd, &mut cd)],
+            (&mut b, &mut c),
+        );
+        turned |= turn(
+            [&mut bb, &mut dd, &mut bd],
+            [(&mut ab, &mut ad), (&mut bc, &mut cd)],
+            (&mut b, &mut d),
+        );
+        turned |= turn(
+            [&mut cc, &mut dd, &mut cd],
+            [(&mut ac, &mut ad), (&mut bc, &mut bd)],
+            (&mut c, &mut d),
+        );
+        if !turned {
+            break;
         }
     }
-    let mut values = [0.0; N];
-    for (at, (value, row)) in values.iter_mut().zip(&matrix).enumerate() {
-        *value = row.get(at).copied().unwrap_or(0.0);
-    }
-    (values, vectors)
+    ([aa, bb, cc, dd], [a, b, c, d])
 }
 
-/// Cosine and sine that take the entry `(p, q)` away; `None` where it is nothing already.
-fn rotation<const N: usize>(matrix: &[[f32; N]; N], p: usize, q: usize) -> Option<(f32, f32)> {
-    let row = matrix.get(p)?;
-    let (&pp, &pq) = (row.get(p)?, row.get(q)?);
-    let &qq = matrix.get(q)?.get(q)?;
-    if pq.abs() <= 1e-9 * (pp.abs() + qq.abs()) + 1e-30 {
+/// Takes the entry `pq` away; false where it is nothing already. `others`: what rows p and q have
+/// in the other columns.
+#[inline(always)]
+fn turn(
+    [pp, qq, pq]: [&mut f32; 3],
+    others: [(&mut f32, &mut f32); 2],
+    (p, q): (&mut [f32; 4], &mut [f32; 4]),
+) -> bool {
+    let Some((tangent, cosine, sine)) = rotation(*pp, *qq, *pq) else {
+        return false;
+    };
+    let step = tangent * *pq;
+    (*pp, *qq, *pq) = (*pp - step, *qq + step, 0.0);
+    for (a, b) in others.into_iter().chain(p.iter_mut().zip(q)) {
+        (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
+    }
+    true
+}
+
+/// Tangent, cosine and sine of the rotation.
+#[inline(always)]
+fn rotation(pp: f32, qq: f32, pq: f32) -> Option<(f32, f32, f32)> {
+    if pq.abs() <= NOTHING * (pp.abs() + qq.abs()) + 1e-30 {
         return None;
     }
     let theta = (qq - pp) / (2.0 * pq);
     let squared = theta * theta + 1.0;
     let tangent = 1.0_f32.copysign(theta) / (theta.abs() + squared * inverse_sqrt(squared));
     let cosine = inverse_sqrt(tangent * tangent + 1.0);
-    Some((cosine, tangent * cosine))
-}
-
-fn turn_rows<const N: usize>(rows: &mut [[f32; N]; N], p: usize, q: usize, c: f32, s: f32) {
-    if let Ok([p, q]) = rows.get_disjoint_mut([p, q]) {
-        for (a, b) in p.iter_mut().zip(q) {
-            (*a, *b) = (c * *a - s * *b, s * *a + c * *b);
-        }
-    }
+    Some((tangent, cosine, tangent * cosine))
 }
 
 #[cfg(test)]
@@ -68,11 +101,15 @@ mod tests {
 
     #[test]
     fn known_values_of_a_coupled_pair() {
-        let (values, vectors) =
-            symmetric_eigen([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 7.0]]);
+        let (values, vectors) = symmetric_eigen([
+            [2.0, 1.0, 0.0, 0.0],
+            [1.0, 2.0, 0.0, 0.0],
+            [0.0, 0.0, 7.0, 0.0],
+            [0.0, 0.0, 0.0, 5.0],
+        ]);
         let mut sorted = values;
         sorted.sort_by(f32::total_cmp);
-        for (found, known) in sorted.iter().zip([1.0, 3.0, 7.0]) {
+        for (found, known) in sorted.iter().zip([1.0, 3.0, 5.0, 7.0]) {
             assert!((found - known).abs() < 1e-6, "{values:?}");
         }
         let at = values.iter().position(|x| (x - 3.0).abs() < 1e-5).unwrap();

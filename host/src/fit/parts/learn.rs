@@ -27,9 +27,9 @@ pub enum Mode {
 /// How to learn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Markers that move a block in the hybrid mode.
+    /// Most markers that move a block in the hybrid mode.
     pub hybrid_markers: usize,
-    /// Markers that move a block in the collapsed mode.
+    /// Most markers that move a block in the collapsed mode.
     pub collapsed_markers: usize,
     /// Pull of quadratic parts toward rigid ones.
     pub ridge: Ridge,
@@ -41,7 +41,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             hybrid_markers: 8,
-            collapsed_markers: 16,
+            collapsed_markers: 20,
             ridge: Ridge::default(),
             frames: 160,
         }
