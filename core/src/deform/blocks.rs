@@ -12,6 +12,8 @@ use crate::asset::LANES;
 
 /// Computes the vertices of blocks that exist.
 pub(super) trait Kernel {
+    /// Whether the kernel is worth a second copy for packed outputs, where code is scarce.
+    const IS_COMMON: bool = false;
     /// `[vertices]`: the source's number of each lane, block after block.
     fn order(&self) -> &[u32];
     /// Works `L::WIDTH` lanes at a time.
@@ -47,11 +49,12 @@ pub(super) fn run<K: Kernel>(
 
 fn scalar<K: Kernel>(kernel: &K, blocks: Range<usize>, output: &mut Output<'_>) {
     // What is asked for most gets the fastest store.
-    if let Some(mut store) = Rows::new(kernel.order(), output) {
+    if K::IS_COMMON
+        && let Some(mut store) = Rows::new(kernel.order(), output)
+    {
         kernel.scalar_blocks(blocks, &mut store);
     } else {
-        let mut store = Strided::new(kernel.order(), output);
-        kernel.blocks::<[f32; 2], _>((), blocks, &mut store);
+        kernel.scalar_blocks(blocks, &mut Strided::new(kernel.order(), output));
     }
 }
 

@@ -6,7 +6,7 @@
 use core::ops::Range;
 
 use super::slots::{MarkerSlots, check_order};
-use super::{PartsError, PartsTable, cross};
+use super::{PartsError, PartsTable, cross, lane_of};
 use crate::Level;
 use crate::asset::LANES;
 use crate::deform::blocks::{Kernel, run};
@@ -107,6 +107,8 @@ struct Stream<'s, 'a> {
 }
 
 impl Kernel for Stream<'_, '_> {
+    const IS_COMMON: bool = true;
+
     fn order(&self) -> &[u32] {
         self.skin.order
     }
@@ -138,7 +140,9 @@ impl Kernel for Stream<'_, '_> {
         let wants_normals = store.wants_normals();
         let slots = &self.skin.slots;
         for block in blocks {
-            let [xs, ys, zs] = slots.scalar_positions(self.positions, block);
+            let mut sums = [[0.0; LANES]; 3];
+            slots.scalar_positions(self.positions, block, &mut sums);
+            let [xs, ys, zs] = sums;
             for (lane, ((x, y), z)) in xs.into_iter().zip(ys).zip(zs).enumerate() {
                 store.positions(block, lane, [x, y, z]);
             }
@@ -146,13 +150,11 @@ impl Kernel for Stream<'_, '_> {
                 continue;
             }
             for half in 0..2 {
-                let [along, across] = slots.scalar_tangents(self.positions, (block, half));
+                let mut tangents = [[[0.0; LANES / 2]; 3]; 2];
+                slots.scalar_tangents(self.positions, (block, half), &mut tangents);
                 for lane in 0..LANES / 2 {
-                    let of = |sums: &[[f32; LANES / 2]; 3]| {
-                        sums.map(|lanes| lanes.get(lane).copied().unwrap_or(0.0))
-                    };
-                    let normal = cross(of(&along), of(&across));
-                    let normal = to_unit_length((), normal);
+                    let [along, across] = tangents.map(|sums| lane_of(&sums, lane));
+                    let normal = to_unit_length((), cross(along, across));
                     store.normals(block, half * (LANES / 2) + lane, normal);
                 }
             }

@@ -64,6 +64,12 @@ fn tangents<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [[L; 3]; 2] {
     [along, across]
 }
 
+/// x, y and z of a lane.
+#[inline(always)]
+fn lane_of<const N: usize>(lanes: &[[f32; N]; 3], lane: usize) -> [f32; 3] {
+    lanes.map(|axis| axis.get(lane).copied().unwrap_or(0.0))
+}
+
 #[inline(always)]
 fn cross<L: Lanes>([a, b, c]: [L; 3], [x, y, z]: [L; 3]) -> [L; 3] {
     [

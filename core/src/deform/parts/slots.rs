@@ -103,15 +103,13 @@ impl MarkerSlots<'_> {
         }
     }
 
-    /// Positions of all lanes without vector instructions: their sums just fit the registers of a
-    /// Cortex-M, so a marker is fetched once.
+    /// [`Self::add_positions`] for all lanes without vector instructions: their sums just fit the
+    /// registers of a Cortex-M, so a marker is fetched once.
     #[inline(always)]
-    pub(super) fn scalar_positions(&self, handles: &[[f32; 3]], block: usize) -> Lanes3 {
-        let mut sums = [[0.0; LANES]; 3];
+    pub(super) fn scalar_positions(&self, handles: &[[f32; 3]], block: usize, sums: &mut Lanes3) {
         for (marker, shares) in self.positions.row(block) {
-            add_lanes(&mut sums, handle(handles, marker), shares);
+            add_lanes(sums, handle(handles, marker), shares);
         }
-        sums
     }
 
     /// Likewise both tangents of half the lanes.
@@ -120,8 +118,8 @@ impl MarkerSlots<'_> {
         &self,
         handles: &[[f32; 3]],
         (block, half): (usize, usize),
-    ) -> [[[f32; LANES / 2]; 3]; 2] {
-        let mut sums = [[[0.0; LANES / 2]; 3]; 2];
+        sums: &mut [[[f32; LANES / 2]; 3]; 2],
+    ) {
         for (marker, shares) in self.tangents.row(block) {
             let handle = handle(handles, marker);
             for (sums, shares) in sums.iter_mut().zip(shares) {
@@ -130,7 +128,6 @@ impl MarkerSlots<'_> {
                 }
             }
         }
-        sums
     }
 }
 
@@ -232,7 +229,7 @@ impl<'a> PartBlocks<'a> {
     }
 }
 
-static ORIGIN: Lanes3 = [[0.0; LANES]; 3];
+pub(super) static ORIGIN: Lanes3 = [[0.0; LANES]; 3];
 
 /// The entries of a row.
 #[inline(always)]

@@ -14,6 +14,8 @@ pub(super) const NOISE: f64 = 0.5e-3;
 /// by less than this on average, metres.
 const LEAST: f64 = 0.02;
 const LEAST_MOVE: f64 = 0.02e-3;
+/// Those that tilt its tangents by less than this on average are left out of its normals, radians.
+const LEAST_TURN: f64 = 0.005;
 
 /// Markers `[blocks]` of at most `most` each and their shares in eight vertices.
 ///
@@ -65,17 +67,21 @@ pub fn slots(
         });
         near.sort_by(|&a, &b| effect(b).total_cmp(&effect(a)).then(a.cmp(&b)));
         near.truncate(most);
-        let shares = refit(&near, &full, &gram, ridge);
-        let rows = near.iter().copied().zip(shares);
         let axis = |row: &[f64; 3 * LANES], axis: usize| {
             std::array::from_fn(|lane| row[axis * LANES + lane] as f32)
         };
-        let tangents = rows
-            .clone()
-            .map(|(marker, row)| (marker, [axis(&row, 1), axis(&row, 2)]));
-        out.tangents.push(tangents.collect());
-        let positions = rows.map(|(marker, row)| (marker, axis(&row, 0)));
+        let rows = near.iter().zip(refit(&near, &full, &gram, ridge));
+        let positions = rows.map(|(&marker, row)| (marker, axis(&row, 0)));
         out.positions.push(positions.collect());
+        near.retain(|&marker| {
+            let moved = (gram[marker * markers + marker] / frames).sqrt();
+            let slopes = full[marker][LANES..].iter();
+            let steepest = slopes.map(|slope| slope.abs()).fold(0.0, f64::max);
+            moved * steepest >= LEAST_TURN
+        });
+        let rows = near.iter().zip(refit(&near, &full, &gram, ridge));
+        let tangents = rows.map(|(&marker, row)| (marker, [axis(&row, 1), axis(&row, 2)]));
+        out.tangents.push(tangents.collect());
     }
     out
 }
