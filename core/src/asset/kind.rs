@@ -155,7 +155,7 @@ pub enum SectionKind {
     ExactStarts = u32::from_le_bytes(*b"PEST"),
     /// `u16 [exact members]`: markers.
     ExactMarkers = u32::from_le_bytes(*b"PEMK"),
-    /// `f32 [exact members x 3]`: positions in reference frames.
+    /// `f32 [exact members x 4]`: position in the reference frame, share in the surface.
     ExactLocal = u32::from_le_bytes(*b"PELO"),
     /// `f32 [exact members x 10]`: pseudo-inverse of each part's transformation.
     ExactInverse = u32::from_le_bytes(*b"PEIN"),

@@ -116,7 +116,7 @@ impl MarkerSkinDims {
             K::PartDilations => (self.exact_parts(), 4),
             K::ExactStarts => (starts(self.exact_parts()), 4),
             K::ExactMarkers => (self.exact_member_count, 2),
-            K::ExactLocal => (self.exact_member_count, 12),
+            K::ExactLocal => (self.exact_member_count, 16),
             K::ExactInverse => (self.exact_member_count, 40),
             _ => (0, 0),
         };

@@ -43,9 +43,12 @@ pub fn positions(
         }
         ModeData::Exact { blocks, modes } => {
             let frames = frames(rig, markers);
-            let parts: Vec<Part> = (0..frames.len())
-                .map(|part| Part::new(modes, part, &frames[part], markers, quadratic, residual))
+            let mut parts: Vec<Part> = (0..frames.len())
+                .map(|part| Part::new(modes, part, &frames[part], markers, quadratic))
                 .collect();
+            if residual {
+                add_residuals(&mut parts, modes, markers);
+            }
             for (block, lane, vertex) in lanes(blocks) {
                 let rest = vector(blocks.positions[block].map(|x| x[lane]));
                 // Equation 9.
@@ -182,7 +185,6 @@ impl Part {
         frame: &DAffine3,
         markers: &[DVec3],
         quadratic: bool,
-        residual: bool,
     ) -> Self {
         let to_local = affine(&modes.to_local[part]);
         let mut out = Self {
@@ -196,25 +198,14 @@ impl Part {
         let members = modes.member_starts[part] as usize..modes.member_starts[part + 1] as usize;
         let back = to_local * frame.inverse();
         if quadratic {
-            for at in members.clone() {
+            for at in members {
                 let marker = markers[usize::from(modes.member_markers[at])];
-                let moved = back.transform_point3(marker) - vector(modes.member_local[at]);
+                let [x, y, z, _] = modes.member_local[at];
+                let moved = back.transform_point3(marker) - vector([x, y, z]);
                 for (column, share) in out.columns.iter_mut().zip(modes.member_inverse[at]) {
                     *column += moved * f64::from(share);
                 }
             }
-        }
-        if residual {
-            let centres: Vec<DVec3> = members
-                .clone()
-                .map(|at| out.transformed(vector(modes.member_local[at])))
-                .collect();
-            let left: Vec<DVec3> = members
-                .zip(&centres)
-                .map(|(at, centre)| markers[usize::from(modes.member_markers[at])] - *centre)
-                .collect();
-            let weights = out.solve(&centres, &left, f64::from(modes.smoothing));
-            out.basis = centres.into_iter().zip(weights).collect();
         }
         out
     }
@@ -257,6 +248,29 @@ impl Part {
         let residual =
             |(centre, weight): &(DVec3, DVec3)| *weight * self.value(moved.distance(*centre));
         moved + self.basis.iter().map(residual).sum::<DVec3>()
+    }
+}
+
+/// The radial basis of each part, which meets what is left between markers and the surface that all
+/// parts move together.
+fn add_residuals(parts: &mut [Part], modes: &ModeTables, markers: &[DVec3]) {
+    let members =
+        |part: usize| modes.member_starts[part] as usize..modes.member_starts[part + 1] as usize;
+    let mut left = markers.to_vec();
+    for (at, part) in parts.iter_mut().enumerate() {
+        for member in members(at) {
+            let [x, y, z, share] = modes.member_local[member];
+            let centre = part.transformed(vector([x, y, z]));
+            left[usize::from(modes.member_markers[member])] -= f64::from(share) * centre;
+            part.basis.push((centre, DVec3::ZERO));
+        }
+    }
+    for (at, part) in parts.iter_mut().enumerate() {
+        let of = members(at).map(|at| left[usize::from(modes.member_markers[at])]);
+        let right: Vec<DVec3> = of.collect();
+        let centres: Vec<DVec3> = part.basis.iter().map(|basis| basis.0).collect();
+        let weights = part.solve(&centres, &right, f64::from(modes.smoothing));
+        part.basis = centres.into_iter().zip(weights).collect();
     }
 }
 

@@ -97,7 +97,7 @@ pub struct ModeTables {
     pub dilations: Vec<f32>,
     pub member_starts: Vec<u32>,
     pub member_markers: Vec<u16>,
-    pub member_local: Vec<[f32; 3]>,
+    pub member_local: Vec<[f32; 4]>,
     pub member_inverse: Vec<[f32; 10]>,
     pub smoothing: f32,
 }
