@@ -68,17 +68,24 @@ pub fn symmetric_eigen(matrix: [[f32; 4]; 4]) -> ([f32; 4], [[f32; 4]; 4]) {
 #[inline(always)]
 fn turn(
     [pp, qq, pq]: [&mut f32; 3],
-    others: [(&mut f32, &mut f32); 2],
-    (p, q): (&mut [f32; 4], &mut [f32; 4]),
+    [(rp, rq), (sp, sq)]: [(&mut f32, &mut f32); 2],
+    ([pa, pb, pc, pd], [qa, qb, qc, qd]): (&mut [f32; 4], &mut [f32; 4]),
 ) -> bool {
     let Some((tangent, cosine, sine)) = rotation(*pp, *qq, *pq) else {
         return false;
     };
     let step = tangent * *pq;
     (*pp, *qq, *pq) = (*pp - step, *qq + step, 0.0);
-    for (a, b) in others.into_iter().chain(p.iter_mut().zip(q)) {
-        (*a, *b) = (cosine * *a - sine * *b, sine * *a + cosine * *b);
-    }
+    let spin = |p: &mut f32, q: &mut f32| {
+        (*p, *q) = (cosine * *p - sine * *q, sine * *p + cosine * *q);
+    };
+    // Written out: a loop would keep all of it in memory.
+    spin(rp, rq);
+    spin(sp, sq);
+    spin(pa, qa);
+    spin(pb, qb);
+    spin(pc, qc);
+    spin(pd, qd);
     true
 }
 

@@ -22,8 +22,8 @@ pub struct Ridge {
 impl Default for Ridge {
     fn default() -> Self {
         Self {
-            quadratic: 2e-2,
-            linear: 2e-2,
+            quadratic: 0.1,
+            linear: 0.05,
             constant: 1e-3,
         }
     }
