@@ -236,10 +236,10 @@ impl Dims {
             at += 1;
         }
         self.markers.write(&mut words);
-        let (places, group) = self.marker_skin.words();
+        let counts = self.marker_skin.words();
         at = 0;
-        while at < MARKER_SKIN_WORDS {
-            words[places[at]] = group[at];
+        while at < counts.len() {
+            words[MARKER_SKIN_WORDS[at]] = counts[at];
             at += 1;
         }
         let packed = self.packed.to_words();

@@ -137,8 +137,14 @@ pub enum SectionKind {
     MarkerSlotStarts = u32::from_le_bytes(*b"PKST"),
     /// `u16 [marker slots]`: marker of each.
     MarkerSlotMarkers = u32::from_le_bytes(*b"PKMK"),
-    /// `f32 [marker slots x 3 x 8]`: shares of position and two tangents.
+    /// `f32 [marker slots x 8]`: shares of eight positions.
     MarkerSlotShares = u32::from_le_bytes(*b"PKSH"),
+    /// `u32 [blocks + 1]`: first tangent slot of each block.
+    TangentSlotStarts = u32::from_le_bytes(*b"PTST"),
+    /// `u16 [tangent slots]`: marker of each.
+    TangentSlotMarkers = u32::from_le_bytes(*b"PTMK"),
+    /// `f32 [tangent slots x 2 x 8]`: shares along two tangents.
+    TangentSlotShares = u32::from_le_bytes(*b"PTSH"),
     /// `f32 [parts x 12]`: rest pose to reference frames.
     PartToLocal = u32::from_le_bytes(*b"PTOL"),
     /// `f32 [parts x 12]`: the inverse.
@@ -149,7 +155,7 @@ pub enum SectionKind {
     ExactStarts = u32::from_le_bytes(*b"PEST"),
     /// `u16 [exact members]`: markers.
     ExactMarkers = u32::from_le_bytes(*b"PEMK"),
-    /// `f32 [exact members x 3]`: positions in reference frames.
+    /// `f32 [exact members x 4]`: position in the reference frame, share in the surface.
     ExactLocal = u32::from_le_bytes(*b"PELO"),
     /// `f32 [exact members x 10]`: pseudo-inverse of each part's transformation.
     ExactInverse = u32::from_le_bytes(*b"PEIN"),
@@ -221,7 +227,7 @@ pub enum SectionKind {
 
 impl SectionKind {
     /// All kinds, in the order in which they stand in the file. Empty sections are left out there.
-    pub const ALL: [Self; 105] = [
+    pub const ALL: [Self; 108] = [
         Self::Parents,
         Self::Rest,
         Self::BindJoints,
@@ -288,6 +294,9 @@ impl SectionKind {
         Self::MarkerSlotStarts,
         Self::MarkerSlotMarkers,
         Self::MarkerSlotShares,
+        Self::TangentSlotStarts,
+        Self::TangentSlotMarkers,
+        Self::TangentSlotShares,
         Self::PartToLocal,
         Self::PartFromLocal,
         Self::PartDilations,

@@ -8,8 +8,8 @@ use crate::deform::parts::{
 };
 
 /// Words of the group in the header.
-const WORDS: [usize; MARKER_SKIN_WORDS] = [36, 37, 38, 39, 40, 41, 42, 43, 28, 29, 30, 31];
-pub(crate) const MARKER_SKIN_WORDS: usize = 12;
+pub(crate) const MARKER_SKIN_WORDS: [usize; 13] =
+    [36, 37, 38, 39, 40, 41, 42, 43, 47, 28, 29, 30, 31];
 
 /// Counts of a marker-driven skin; all 0 where the asset has none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,6 +31,8 @@ pub struct MarkerSkinDims {
     pub marker_slot_count: usize,
     /// (part, marker) pairs of the exact mode.
     pub exact_member_count: usize,
+    /// (marker, twice eight shares) slots of tangents of all blocks.
+    pub tangent_slot_count: usize,
     /// Blocks that one part moves.
     pub rigid_block_count: usize,
     /// Members of the exact mode over all part slots: each slot counts those of its part.
@@ -49,45 +51,26 @@ pub(crate) const LINEAR_HYBRID: usize = 4;
 
 impl MarkerSkinDims {
     pub(crate) const fn read(bytes: &[u8]) -> Self {
-        let mut words = [0; MARKER_SKIN_WORDS];
-        let mut at = 0;
-        while at < MARKER_SKIN_WORDS {
-            words[at] = count(bytes, WORDS[at]);
-            at += 1;
-        }
-        let [
-            marker_count,
-            part_count,
-            member_count,
-            carrier_count,
-            mode,
-            part_slot_count,
-            marker_slot_count,
-            exact_member_count,
-            rigid_block_count,
-            exact_pair_count,
-            exact_square_count,
-            exact_cube_count,
-        ] = words;
         Self {
-            marker_count,
-            part_count,
-            member_count,
-            carrier_count,
-            mode,
-            part_slot_count,
-            marker_slot_count,
-            exact_member_count,
-            rigid_block_count,
-            exact_pair_count,
-            exact_square_count,
-            exact_cube_count,
+            marker_count: count(bytes, MARKER_SKIN_WORDS[0]),
+            part_count: count(bytes, MARKER_SKIN_WORDS[1]),
+            member_count: count(bytes, MARKER_SKIN_WORDS[2]),
+            carrier_count: count(bytes, MARKER_SKIN_WORDS[3]),
+            mode: count(bytes, MARKER_SKIN_WORDS[4]),
+            part_slot_count: count(bytes, MARKER_SKIN_WORDS[5]),
+            marker_slot_count: count(bytes, MARKER_SKIN_WORDS[6]),
+            exact_member_count: count(bytes, MARKER_SKIN_WORDS[7]),
+            tangent_slot_count: count(bytes, MARKER_SKIN_WORDS[8]),
+            rigid_block_count: count(bytes, MARKER_SKIN_WORDS[9]),
+            exact_pair_count: count(bytes, MARKER_SKIN_WORDS[10]),
+            exact_square_count: count(bytes, MARKER_SKIN_WORDS[11]),
+            exact_cube_count: count(bytes, MARKER_SKIN_WORDS[12]),
         }
     }
 
-    /// Where the words stand in the header, and the words.
-    pub(crate) const fn words(&self) -> ([usize; MARKER_SKIN_WORDS], [usize; MARKER_SKIN_WORDS]) {
-        let words = [
+    /// The words of [`MARKER_SKIN_WORDS`].
+    pub(crate) const fn words(&self) -> [usize; MARKER_SKIN_WORDS.len()] {
+        [
             self.marker_count,
             self.part_count,
             self.member_count,
@@ -96,12 +79,12 @@ impl MarkerSkinDims {
             self.part_slot_count,
             self.marker_slot_count,
             self.exact_member_count,
+            self.tangent_slot_count,
             self.rigid_block_count,
             self.exact_pair_count,
             self.exact_square_count,
             self.exact_cube_count,
-        ];
-        (WORDS, words)
+        ]
     }
 
     /// Length of a section of this group in an asset of so many blocks and vertices; `None` beyond
@@ -142,12 +125,15 @@ impl MarkerSkinDims {
             ),
             K::MarkerSlotStarts => (if markers_move { starts(blocks) } else { 0 }, 4),
             K::MarkerSlotMarkers => (self.marker_slot_count, 2),
-            K::MarkerSlotShares => (self.marker_slot_count, 96),
+            K::MarkerSlotShares => (self.marker_slot_count, 32),
+            K::TangentSlotStarts => (if markers_move { starts(blocks) } else { 0 }, 4),
+            K::TangentSlotMarkers => (self.tangent_slot_count, 2),
+            K::TangentSlotShares => (self.tangent_slot_count, 64),
             K::PartToLocal | K::PartFromLocal => (self.exact_parts(), 48),
             K::PartDilations => (self.exact_parts(), 4),
             K::ExactStarts => (starts(self.exact_parts()), 4),
             K::ExactMarkers => (self.exact_member_count, 2),
-            K::ExactLocal => (self.exact_member_count, 12),
+            K::ExactLocal => (self.exact_member_count, 16),
             K::ExactInverse => (self.exact_member_count, 40),
             _ => (0, 0),
         };

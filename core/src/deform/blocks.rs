@@ -7,15 +7,22 @@ use super::lanes::Lanes;
 use super::output::Output;
 #[cfg(feature = "simd")]
 use super::store::{Packed, Scattered};
-use super::store::{Store, Strided};
+use super::store::{Rows, Store, Strided};
 use crate::asset::LANES;
 
 /// Computes the vertices of blocks that exist.
 pub(super) trait Kernel {
+    /// Whether the kernel is worth a second copy for packed outputs, where code is scarce.
+    const IS_COMMON: bool = false;
     /// `[vertices]`: the source's number of each lane, block after block.
     fn order(&self) -> &[u32];
     /// Works `L::WIDTH` lanes at a time.
     fn blocks<L: Lanes, S: Store>(&self, token: L::Token, blocks: Range<usize>, store: &mut S);
+    /// The same bits without vector instructions.
+    #[inline(always)]
+    fn scalar_blocks<S: Store>(&self, blocks: Range<usize>, store: &mut S) {
+        self.blocks::<[f32; 2], S>((), blocks, store);
+    }
 }
 
 /// Runs a kernel over a range of blocks, which is cut to those that exist.
@@ -41,8 +48,14 @@ pub(super) fn run<K: Kernel>(
 }
 
 fn scalar<K: Kernel>(kernel: &K, blocks: Range<usize>, output: &mut Output<'_>) {
-    let mut store = Strided::new(kernel.order(), output);
-    kernel.blocks::<[f32; 2], _>((), blocks, &mut store);
+    // What is asked for most gets the fastest store.
+    if K::IS_COMMON
+        && let Some(mut store) = Rows::new(kernel.order(), output)
+    {
+        kernel.scalar_blocks(blocks, &mut store);
+    } else {
+        kernel.scalar_blocks(blocks, &mut Strided::new(kernel.order(), output));
+    }
 }
 
 #[cfg(feature = "simd")]

@@ -4,7 +4,7 @@ use super::budget::fewest;
 use super::{Budget, Cost};
 use crate::asset::{Dims, LANES};
 use crate::deform::parts::{HELD, REFITS};
-use crate::solve::dense::jacobi_rotations;
+use crate::solve::dense::JACOBI_ROTATIONS;
 
 /// Fits of a part's frame: the first, and those after markers that are out of place.
 const FITS: u64 = 1 + REFITS as u64;
@@ -16,7 +16,7 @@ const PAIR: u64 = FITS * (6 + 15) + REFITS as u64 * (9 + 3 + 1);
 /// Pairs that hold a part besides its markers, and where the parent takes them.
 const HELD_PAIRS: u64 = HELD as u64 * (PAIR + 9) + 1;
 /// Jacobi rotations of a fit: each an angle, two columns of the matrix, two vectors.
-const ROTATIONS: u64 = jacobi_rotations(4) as u64;
+const ROTATIONS: u64 = JACOBI_ROTATIONS as u64;
 const ROTATION: u64 = 4 + 2 * ROOT + 1 + 2 * 4 + 4 * 4;
 /// An eigenproblem; then the unit quaternion, its matrix, the translation.
 const EIGEN: u64 = ROTATIONS * ROTATION + (4 + ROOT + 4) + 9 + 9 + 1;
@@ -66,9 +66,10 @@ const fn stream(dims: &Dims, budget: Budget) -> Cost {
     let all = dims.block_count as u64;
     let blocks = budget.blocks_of(all);
     let lanes = LANES as u64;
-    let (parts, markers) = (
-        counts.part_slot_count as u64,
+    let parts = counts.part_slot_count as u64;
+    let (markers, tangents) = (
         counts.marker_slot_count as u64,
+        counts.tangent_slot_count as u64,
     );
     let members = counts.exact_member_count as u64;
     let (mul_adds, divisions) = match counts.mode {
@@ -82,7 +83,7 @@ const fn stream(dims: &Dims, budget: Budget) -> Cost {
             lanes * blocks + lanes / 2 * parts + members,
         ),
         // Three sums of three numbers; their cross product at unit length.
-        2 => (lanes * (9 * markers + 21 * blocks), 0),
+        2 => (lanes * (3 * markers + 6 * tangents + 21 * blocks), 0),
         // The same sums, then a skin by dual quaternions without stretch: a slot's weight, sum, and,
         // but for the first, side; a vertex's tangents and their cross product, matrix, position
         // and normal. A block of one part needs no sums.
@@ -91,10 +92,11 @@ const fn stream(dims: &Dims, budget: Budget) -> Cost {
             let (blended, slots) = (blocks - rigid, parts - rigid);
             (
                 lanes
-                    * (9 * markers
+                    * (3 * markers
+                        + 6 * tangents
                         + (1 + 4 + 8) * slots
                         + (4 + 12 + 15 - 4) * blended
-                        + (8 + 6 + 9 + 9 + 15) * blocks),
+                        + (9 + 6 + 9 + 9 + 15) * blocks),
                 lanes * (blocks + blended),
             )
         }
@@ -102,7 +104,7 @@ const fn stream(dims: &Dims, budget: Budget) -> Cost {
     Cost {
         mul_adds,
         divisions,
-        bytes_read: parts * 18 + markers * 98 + blocks * (2 * 96 + 4 * lanes + 8),
+        bytes_read: parts * 18 + markers * 34 + tangents * 66 + blocks * (2 * 96 + 4 * lanes + 8),
         bytes_written: blocks * lanes * 24,
     }
 }

@@ -10,19 +10,19 @@ use sinew_core::asset::Asset;
 use super::Failure;
 use super::load::{self, Reading};
 use super::say::{Say, thousands};
+use super::usable;
 use crate::bake::write::MarkerSkinData;
 use crate::fit::parts::measure::{Score, into_mode, measure, recommended};
 use crate::fit::parts::{Mode, Options, Segments, glue, learn};
 use crate::import::take::PointKind;
 use crate::model::Avatar;
 use crate::play::Motion;
-use crate::take::Take;
 
 /// What to learn from markers.
 #[derive(Args, Clone, Default)]
 pub(crate) struct FromMarkers {
-    /// A capture of dense markers on the body's skin (.c3d, .trc, .csv), labelled and without gaps:
-    /// learn how the skin follows them. With --mode laplacian any capture that the scan follows.
+    /// A capture of dense markers on the body's skin (.c3d, .trc, .csv), labelled and cleaned: learn
+    /// how the skin follows them. With --mode laplacian any capture that the scan follows.
     #[arg(long, value_name = "TAKE")]
     markers: Option<PathBuf>,
     /// How markers move the skin; without it, the cheapest that is as good as the best on markers
@@ -30,7 +30,7 @@ pub(crate) struct FromMarkers {
     #[arg(long)]
     mode: Option<Wanted>,
     /// The frame (0 is the first) in which the subject stands in the mesh's rest pose; the first
-    /// complete one without it.
+    /// that shows most markers without it, as in `sinew register`.
     #[arg(long, requires = "markers", value_name = "FRAME")]
     rest_frame: Option<usize>,
 }
@@ -86,10 +86,11 @@ impl FromMarkers {
         let named: Vec<usize> = (0..take.marker_count())
             .filter(|&marker| take.kinds()[marker] == PointKind::Marker)
             .collect();
-        let frames = complete(&take, &named);
-        let rest = self.rest_frame(path, &take, &frames)?;
-        let at = frames.iter().position(|frame| frame.0 == rest).unwrap_or(0);
-        let fitted = glue::fit(&body.mesh, &frames[at].1).map_err(|error| fault(&error))?;
+        let takes = [(&take, named)];
+        let seen = usable::markers(path, &takes, ("--rest-frame", self.rest_frame), say)?;
+        let named: Vec<usize> = seen.kept.iter().map(|&at| takes[0].1[at]).collect();
+        let (rest, frames) = (seen.rest, seen.frames.into_iter().flatten());
+        let fitted = glue::fit(&body.mesh, &seen.standing).map_err(|error| fault(&error))?;
         say.line(format!(
             "{} markers on the skin in frame {rest}, {:.1} mm from it on average",
             named.len(),
@@ -101,7 +102,7 @@ impl FromMarkers {
             "{} near-rigid parts: {parts}",
             segments.part_count()
         ));
-        let positions: Vec<Vec<DVec3>> = frames.into_iter().map(|frame| frame.1).collect();
+        let positions: Vec<Vec<DVec3>> = frames.map(|frame| frame.1).collect();
         let glued = (&fitted.glued[..], &fitted.rest[..]);
         let options = Options::default();
         let bar = say.progress("learning", 2);
@@ -138,45 +139,6 @@ impl FromMarkers {
         });
         Ok(Some((skin, object)))
     }
-
-    fn rest_frame(
-        &self,
-        path: &Path,
-        take: &Take,
-        frames: &[(usize, Vec<DVec3>)],
-    ) -> Result<usize, Failure> {
-        let Some(first) = frames.first() else {
-            let missing = 100.0 * take.missing_fraction();
-            return Err(Failure::Data(format!(
-                "{}: no frame shows every marker ({missing:.1} % of samples are missing); fill \
-                 gaps first: sinew clean",
-                path.display()
-            )));
-        };
-        match self.rest_frame {
-            None => Ok(first.0),
-            Some(frame) if frames.iter().any(|(complete, _)| *complete == frame) => Ok(frame),
-            Some(frame) if frame >= take.frame_count() => Err(Failure::Usage(format!(
-                "--rest-frame {frame}: the take has {} frames",
-                take.frame_count()
-            ))),
-            Some(frame) => Err(Failure::Data(format!(
-                "{}: frame {frame} does not show every marker; choose another --rest-frame (the \
-                 first complete one is {})",
-                path.display(),
-                first.0
-            ))),
-        }
-    }
-}
-
-/// Frames in which all of these markers are seen, with their positions.
-pub(super) fn complete(take: &Take, markers: &[usize]) -> Vec<(usize, Vec<DVec3>)> {
-    let of = |frame: usize| {
-        let all = markers.iter().map(|&marker| take.position(marker, frame));
-        Some((frame, all.collect::<Option<Vec<_>>>()?))
-    };
-    (0..take.frame_count()).filter_map(of).collect()
 }
 
 fn tell(scores: &[Score], best: Mode, chosen: Mode, say: &Say) {

@@ -22,6 +22,7 @@ mod send;
 mod solve;
 mod studio;
 mod track;
+mod usable;
 mod verify;
 
 use std::process::ExitCode;

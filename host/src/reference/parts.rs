@@ -6,7 +6,7 @@ use sinew_core::asset::{LANES, WEIGHT_ONE};
 
 use crate::clean::linear::Cholesky;
 use crate::clean::rigid::Rigid;
-use crate::fit::parts::{BlockTables, ModeData, ModeTables, RigTables, SlotTables};
+use crate::fit::parts::{BlockTables, ModeData, ModeTables, RigTables, SlotRows};
 
 /// Vertices `[vertices]` in the source's order, metres, for markers `[markers]`; `quadratic` and
 /// `residual` switch terms of the exact mode.
@@ -20,7 +20,7 @@ pub fn positions(
     let mut out = vec![DVec3::ZERO; mode.order().len()];
     match mode {
         ModeData::Collapsed { order, slots } => {
-            add(order, slots, markers, &mut out);
+            add(order, &slots.positions, markers, &mut out);
         }
         ModeData::Hybrid {
             blocks,
@@ -35,7 +35,7 @@ pub fn positions(
                     out[vertex as usize] = vector(blocks.positions[block].map(|x| x[lane]));
                 }
             }
-            add(&blocks.order, slots, &residuals, &mut out);
+            add(&blocks.order, &slots.positions, &residuals, &mut out);
             for (block, lane, vertex) in lanes(blocks) {
                 let row = weights(blocks, block, lane);
                 out[vertex] = blend(&frames, &row).transform_point3(out[vertex]);
@@ -43,9 +43,12 @@ pub fn positions(
         }
         ModeData::Exact { blocks, modes } => {
             let frames = frames(rig, markers);
-            let parts: Vec<Part> = (0..frames.len())
-                .map(|part| Part::new(modes, part, &frames[part], markers, quadratic, residual))
+            let mut parts: Vec<Part> = (0..frames.len())
+                .map(|part| Part::new(modes, part, &frames[part], markers, quadratic))
                 .collect();
+            if residual {
+                add_residuals(&mut parts, modes, markers);
+            }
             for (block, lane, vertex) in lanes(blocks) {
                 let rest = vector(blocks.positions[block].map(|x| x[lane]));
                 // Equation 9.
@@ -182,7 +185,6 @@ impl Part {
         frame: &DAffine3,
         markers: &[DVec3],
         quadratic: bool,
-        residual: bool,
     ) -> Self {
         let to_local = affine(&modes.to_local[part]);
         let mut out = Self {
@@ -196,25 +198,14 @@ impl Part {
         let members = modes.member_starts[part] as usize..modes.member_starts[part + 1] as usize;
         let back = to_local * frame.inverse();
         if quadratic {
-            for at in members.clone() {
+            for at in members {
                 let marker = markers[usize::from(modes.member_markers[at])];
-                let moved = back.transform_point3(marker) - vector(modes.member_local[at]);
+                let [x, y, z, _] = modes.member_local[at];
+                let moved = back.transform_point3(marker) - vector([x, y, z]);
                 for (column, share) in out.columns.iter_mut().zip(modes.member_inverse[at]) {
                     *column += moved * f64::from(share);
                 }
             }
-        }
-        if residual {
-            let centres: Vec<DVec3> = members
-                .clone()
-                .map(|at| out.transformed(vector(modes.member_local[at])))
-                .collect();
-            let left: Vec<DVec3> = members
-                .zip(&centres)
-                .map(|(at, centre)| markers[usize::from(modes.member_markers[at])] - *centre)
-                .collect();
-            let weights = out.solve(&centres, &left, f64::from(modes.smoothing));
-            out.basis = centres.into_iter().zip(weights).collect();
         }
         out
     }
@@ -260,13 +251,36 @@ impl Part {
     }
 }
 
+/// The radial basis of each part, which meets what is left between markers and the surface that all
+/// parts move together.
+fn add_residuals(parts: &mut [Part], modes: &ModeTables, markers: &[DVec3]) {
+    let members =
+        |part: usize| modes.member_starts[part] as usize..modes.member_starts[part + 1] as usize;
+    let mut left = markers.to_vec();
+    for (at, part) in parts.iter_mut().enumerate() {
+        for member in members(at) {
+            let [x, y, z, share] = modes.member_local[member];
+            let centre = part.transformed(vector([x, y, z]));
+            left[usize::from(modes.member_markers[member])] -= f64::from(share) * centre;
+            part.basis.push((centre, DVec3::ZERO));
+        }
+    }
+    for (at, part) in parts.iter_mut().enumerate() {
+        let of = members(at).map(|at| left[usize::from(modes.member_markers[at])]);
+        let right: Vec<DVec3> = of.collect();
+        let centres: Vec<DVec3> = part.basis.iter().map(|basis| basis.0).collect();
+        let weights = part.solve(&centres, &right, f64::from(modes.smoothing));
+        part.basis = centres.into_iter().zip(weights).collect();
+    }
+}
+
 /// Adds shares of handles to vertices.
-fn add(order: &[u32], slots: &SlotTables, handles: &[DVec3], out: &mut [DVec3]) {
+fn add(order: &[u32], slots: &SlotRows<[f32; LANES]>, handles: &[DVec3], out: &mut [DVec3]) {
     for (block, vertices) in order.chunks(LANES).enumerate() {
         for slot in slots.starts[block] as usize..slots.starts[block + 1] as usize {
             let handle = handles[usize::from(slots.markers[slot])];
             for (lane, &vertex) in vertices.iter().enumerate() {
-                out[vertex as usize] += f64::from(slots.shares[slot][0][lane]) * handle;
+                out[vertex as usize] += f64::from(slots.shares[slot][lane]) * handle;
             }
         }
     }

@@ -1,23 +1,23 @@
 //! The skin that markers drive. Its tables prove themselves, as they do without an asset.
 
 use super::name;
-use crate::asset::marker_skin::{COLLAPSED, EXACT, HYBRID, LINEAR_HYBRID, MarkerSkinSections};
+use crate::asset::marker_skin::{
+    COLLAPSED, EXACT, HYBRID, LINEAR_HYBRID, MARKER_SKIN_WORDS, MarkerSkinSections,
+};
 use crate::asset::sections::Sections;
 use crate::asset::{Asset, AssetError, MarkerSkin, SectionKind as K};
-use crate::deform::parts::{ExactTables, MarkerRigTables, MarkerSlots, PartBlocks};
+use crate::deform::parts::{ExactTables, MarkerRigTables, MarkerRows, MarkerSlots, PartBlocks};
 
 pub(super) fn check<'a>(
     asset: &Asset<'a>,
     sections: &Sections<'a>,
 ) -> Result<Option<MarkerSkin<'a>>, AssetError> {
     let dims = &asset.dims.marker_skin;
-    let (places, words) = dims.words();
+    let words = dims.words();
     let fault = |at: usize| {
         let value = words.get(at).copied().unwrap_or(0);
-        Err(AssetError::Counts {
-            index: places.get(at).copied().unwrap_or(0),
-            value,
-        })
+        let index = MARKER_SKIN_WORDS.get(at).copied().unwrap_or(0);
+        Err(AssetError::Counts { index, value })
     };
     if dims.marker_count == 0 {
         // Nothing else may stand there then.
@@ -40,6 +40,9 @@ pub(super) fn check<'a>(
     }
     if dims.mode != EXACT && dims.exact_member_count != 0 {
         return fault(7);
+    }
+    if dims.mode == EXACT && dims.tangent_slot_count != 0 {
+        return fault(8);
     }
     for (row, &[offset, length]) in asset.marker_names.iter().enumerate() {
         name(asset, K::MarkerNames, row, (offset, length))?;
@@ -71,9 +74,16 @@ pub(super) fn check<'a>(
         },
         blocks,
         slots: MarkerSlots {
-            starts: sections.view(K::MarkerSlotStarts)?,
-            markers: sections.view(K::MarkerSlotMarkers)?,
-            shares: sections.view(K::MarkerSlotShares)?,
+            positions: MarkerRows {
+                starts: sections.view(K::MarkerSlotStarts)?,
+                markers: sections.view(K::MarkerSlotMarkers)?,
+                shares: sections.view(K::MarkerSlotShares)?,
+            },
+            tangents: MarkerRows {
+                starts: sections.view(K::TangentSlotStarts)?,
+                markers: sections.view(K::TangentSlotMarkers)?,
+                shares: sections.view(K::TangentSlotShares)?,
+            },
         },
         exact: ExactTables {
             blocks,
@@ -101,7 +111,7 @@ pub(super) fn check<'a>(
         .zip(&stated)
         .position(|(found, stated)| found != stated)
     {
-        Some(at) => fault(8 + at),
+        Some(at) => fault(9 + at),
         None => Ok(Some(skin)),
     }
 }

@@ -1,13 +1,12 @@
 //! The skin as one fixed sparse matrix from markers to vertices: no frame, no fit, no solve.
 //!
 //! `v = sum_k c_k p_k`, and each vertex's two tangents are such sums too, whose cross product is
-//! its normal. The sums run over 8 to 16 markers; coefficients of a position sum to one.
+//! its normal. A block has as many markers as it needs; coefficients of a position sum to one.
 
 use core::ops::Range;
 
-use super::error::length;
-use super::slots::{MarkerSlots, check_order, row};
-use super::{PartsError, PartsTable, cross};
+use super::slots::{MarkerSlots, check_order};
+use super::{PartsError, PartsTable, cross, lane_of};
 use crate::Level;
 use crate::asset::LANES;
 use crate::deform::blocks::{Kernel, run};
@@ -41,8 +40,7 @@ impl<'a> Collapsed<'a> {
         let table = PartsTable::MarkerSlots;
         for block in 0..blocks {
             let mut sums = [0.0_f32; LANES];
-            let shares = slots.shares.get(row(slots.starts, block));
-            for [shares, ..] in shares.unwrap_or_default() {
+            for (_, shares) in slots.positions.row(block) {
                 for (sum, share) in sums.iter_mut().zip(shares) {
                     *sum += share;
                 }
@@ -51,7 +49,6 @@ impl<'a> Collapsed<'a> {
                 return Err(PartsError::Number { table, at: block });
             }
         }
-        length(table, slots.starts.len(), blocks + 1)?;
         Ok(Self { order, slots })
     }
 
@@ -76,7 +73,7 @@ impl<'a> Collapsed<'a> {
     /// Multiplications of all blocks with normals; an upper bound.
     #[must_use]
     pub fn multiply_adds(&self) -> usize {
-        LANES * (9 * self.slots.markers.len() + 24 * self.block_count())
+        self.slots.multiply_adds() + LANES * 24 * self.block_count()
     }
 
     /// Vertices of a range of blocks, which is cut to those that exist. Ranges may go to different
@@ -110,6 +107,8 @@ struct Stream<'s, 'a> {
 }
 
 impl Kernel for Stream<'_, '_> {
+    const IS_COMMON: bool = true;
+
     fn order(&self) -> &[u32] {
         self.skin.order
     }
@@ -120,22 +119,43 @@ impl Kernel for Stream<'_, '_> {
         let wants_normals = store.wants_normals();
         for block in blocks {
             for first in (0..LANES).step_by(L::WIDTH) {
+                let (slots, at) = (&self.skin.slots, (block, first));
+                let mut position = [zero; 3];
+                slots.add_positions(token, self.positions, at, &mut position);
+                store.positions(block, first, position);
                 if wants_normals {
-                    let mut sums = [[zero; 3]; 3];
-                    let at = (block, first);
-                    self.skin
-                        .slots
-                        .add_all(token, self.positions, at, &mut sums);
-                    let [position, along, across] = sums;
-                    store.positions(block, first, position);
+                    let mut tangents = [[zero; 3]; 2];
+                    slots.add_tangents(token, self.positions, at, &mut tangents);
+                    let [along, across] = tangents;
                     let normal = cross(along, across);
                     store.normals(block, first, to_unit_length(token, normal));
-                } else {
-                    let mut position = [zero; 3];
-                    let at = (block, first);
-                    let slots = &self.skin.slots;
-                    slots.add_positions(token, self.positions, at, &mut position);
-                    store.positions(block, first, position);
+                }
+            }
+        }
+    }
+
+    /// Eight sums of positions at a time, then four of tangents.
+    #[inline(always)]
+    fn scalar_blocks<S: Store>(&self, blocks: Range<usize>, store: &mut S) {
+        let wants_normals = store.wants_normals();
+        let slots = &self.skin.slots;
+        for block in blocks {
+            let mut sums = [[0.0; LANES]; 3];
+            slots.scalar_positions(self.positions, block, &mut sums);
+            let [xs, ys, zs] = sums;
+            for (lane, ((x, y), z)) in xs.into_iter().zip(ys).zip(zs).enumerate() {
+                store.positions(block, lane, [x, y, z]);
+            }
+            if !wants_normals {
+                continue;
+            }
+            for half in 0..2 {
+                let mut tangents = [[[0.0; LANES / 2]; 3]; 2];
+                slots.scalar_tangents(self.positions, (block, half), &mut tangents);
+                for lane in 0..LANES / 2 {
+                    let [along, across] = tangents.map(|sums| lane_of(&sums, lane));
+                    let normal = to_unit_length((), cross(along, across));
+                    store.normals(block, half * (LANES / 2) + lane, normal);
                 }
             }
         }

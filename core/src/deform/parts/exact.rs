@@ -1,7 +1,9 @@
 //! The published mode: each part's quadratic transformation and radial-basis residual (equations
 //! 6 to 9), blended over parts.
 //!
-//! Repairs against the paper: a constant column beside the nine quadratic ones; a ridge toward the
+//! Repairs against the paper: residuals are those of the blended surface and not of each part, or a
+//! part would meet markers that hardly belong to it, far from where it alone takes them, and
+//! overshoot between; a constant column beside the nine quadratic ones; a ridge toward the
 //! identity in the pseudo-inverse; the support of the basis equals the dilation, which keeps its
 //! systems positive definite; parts with few markers have rows of zeros for what they cannot fix.
 
@@ -41,8 +43,8 @@ pub struct ExactTables<'a> {
     /// Markers of parts.
     pub member_markers: &'a [u16],
     /// `[members]`: position in the part's reference frame (the paper's local part reference
-    /// position).
-    pub member_local: &'a [[f32; 3]],
+    /// position), then the part's share in the surface there; the shares of a marker sum to one.
+    pub member_local: &'a [[f32; 4]],
     /// `[members]`: what a marker's move adds to each column of the transformation (equation 6).
     pub member_inverse: &'a [[f32; COLUMNS]],
     /// Added to the diagonal of the radial-basis systems, so that noise is not interpolated.
@@ -54,6 +56,7 @@ pub struct ExactTables<'a> {
 pub struct Exact<'a> {
     pub(super) tables: ExactTables<'a>,
     pub(super) most_members: usize,
+    pub(super) marker_count: usize,
 }
 
 impl<'a> Exact<'a> {
@@ -87,10 +90,15 @@ impl<'a> Exact<'a> {
         below(PartsTable::Members, of, marker_count)?;
         numbers(modes, tables.member_local.as_flattened(), 1e4)?;
         numbers(modes, tables.member_inverse.as_flattened(), 1e4)?;
+        let mut shares = tables.member_local.iter().map(|&[.., share]| share);
+        if let Some(at) = shares.position(|share| !(0.0..=1.0).contains(&share)) {
+            return Err(PartsError::Number { table: modes, at });
+        }
         let count = |part| row(tables.member_starts, part).len();
         Ok(Self {
             tables,
             most_members: (0..parts).map(count).max().unwrap_or(0),
+            marker_count,
         })
     }
 

@@ -65,8 +65,13 @@ pub const fn exact_state_len(members: usize) -> usize {
 
 /// Numbers of the workspace of [`Exact::handles`]; `most_members`: of a part.
 #[must_use]
-pub const fn exact_workspace_len(parts: usize, members: usize, most_members: usize) -> usize {
-    3 * COLUMNS * parts + 6 * members + most_members * most_members + 3 * most_members
+pub const fn exact_workspace_len(
+    (markers, parts): (usize, usize),
+    members: usize,
+    most_members: usize,
+) -> usize {
+    let solve = most_members * most_members + 3 * most_members;
+    3 * COLUMNS * parts + 6 * members + 3 * markers + solve
 }
 
 impl<B> ExactState<B> {
@@ -102,7 +107,8 @@ impl Exact<'_> {
     #[must_use]
     pub fn workspace_len(&self) -> usize {
         let members = self.tables.member_markers.len();
-        exact_workspace_len(self.part_count(), members, self.most_members)
+        let counts = (self.marker_count, self.part_count());
+        exact_workspace_len(counts, members, self.most_members)
     }
 
     /// Finds the transformation of every part (equation 6) and the weights of its residual
@@ -130,6 +136,10 @@ impl Exact<'_> {
             .split_at_mut_checked(3 * COLUMNS * parts)
             .ok_or(short)?;
         let (members, rest) = rest.split_at_mut_checked(6 * count).ok_or(short)?;
+        let (left, rest) = rest
+            .split_at_mut_checked(3 * self.marker_count)
+            .ok_or(short)?;
+        let left = left.as_chunks_mut::<3>().0;
         let square = self.most_members * self.most_members;
         let (matrix, right) = rest.split_at_mut_checked(square).ok_or(short)?;
         let right = right.get_mut(..3 * self.most_members).ok_or(short)?;
@@ -149,6 +159,15 @@ impl Exact<'_> {
             state.next_part = 0;
             weights.fill([0.0; 3]);
         }
+        for part in 0..parts {
+            let frame = followed.palette.get(part).unwrap_or(&IDENTITY);
+            let range = row(self.tables.member_starts, part);
+            if let (Some(map), Some(out)) = (maps.get_mut(part), members.get_mut(range)) {
+                *map = self.map(part, frame, followed.positions, budget.quadratic);
+                self.centres(part, map, out);
+            }
+        }
+        self.residuals(members, followed.positions, left);
         let mut report = ExactReport::default();
         let first = if state.next_part < parts {
             state.next_part
@@ -160,13 +179,10 @@ impl Exact<'_> {
             let part = (first + turn) % parts.max(1);
             let frame = followed.palette.get(part).unwrap_or(&IDENTITY);
             let range = row(self.tables.member_starts, part);
-            let (Some(map), Some(out)) = (maps.get_mut(part), members.get_mut(range.clone()))
-            else {
-                continue;
-            };
-            *map = self.map(part, frame, followed.positions, budget.quadratic);
-            self.centres(part, map, out);
-            let Some(weights) = weights.get_mut(range) else {
+            let (Some(out), Some(weights)) = (
+                members.get_mut(range.clone()),
+                weights.get_mut(range.clone()),
+            ) else {
                 continue;
             };
             if report.solved_parts < budget.residual_parts {
@@ -176,7 +192,10 @@ impl Exact<'_> {
                 else {
                     continue;
                 };
-                self.residuals(part, out, followed.positions, right);
+                let markers = self.tables.member_markers.get(range);
+                for (right, &marker) in right.iter_mut().zip(markers.unwrap_or_default()) {
+                    *right = left.get(usize::from(marker)).copied().unwrap_or_default();
+                }
                 report.unsound_parts += usize::from(!self.solve(part, out, matrix, right));
                 let back = transposed(frame);
                 for (weight, solved) in weights.iter_mut().zip(right) {
@@ -254,7 +273,7 @@ impl Exact<'_> {
         map
     }
 
-    fn for_members(&self, part: usize, mut each: impl FnMut(usize, &[f32; 3], &[f32; COLUMNS])) {
+    fn for_members(&self, part: usize, mut each: impl FnMut(usize, &[f32; 4], &[f32; COLUMNS])) {
         let range = row(self.tables.member_starts, part);
         let markers = self.tables.member_markers.get(range.clone());
         let local = self.tables.member_local.get(range.clone());
@@ -270,7 +289,7 @@ impl Exact<'_> {
     fn centres(&self, part: usize, map: &[f32; 3 * COLUMNS], out: &mut [[f32; 6]]) {
         let range = row(self.tables.member_starts, part);
         let local = self.tables.member_local.get(range).unwrap_or_default();
-        for (out, &[x, y, z]) in out.iter_mut().zip(local) {
+        for (out, &[x, y, z, _]) in out.iter_mut().zip(local) {
             let terms = [x, y, z, x * x, y * y, z * z, x * y, y * z, z * x, 1.0];
             for (to, map) in out.iter_mut().zip(map.as_chunks::<COLUMNS>().0) {
                 *to = map.iter().zip(terms).map(|(a, b)| a * b).sum();
@@ -278,22 +297,20 @@ impl Exact<'_> {
         }
     }
 
-    /// What is left between the members and where the transformation takes them.
-    fn residuals(
-        &self,
-        part: usize,
-        centres: &[[f32; 6]],
-        positions: &[[f32; 3]],
-        right: &mut [[f32; 3]],
-    ) {
-        let range = row(self.tables.member_starts, part);
-        let markers = self.tables.member_markers.get(range).unwrap_or_default();
-        let all = right.iter_mut().zip(centres).zip(markers);
-        for ((right, &[x, y, z, ..]), &marker) in all {
-            *right = match positions.get(usize::from(marker)) {
-                Some(&[a, b, c]) => [a - x, b - y, c - z],
-                None => [0.0; 3],
-            };
+    /// What is left between the markers and where the transformations of all parts together take
+    /// them: `[markers]`.
+    fn residuals(&self, members: &[[f32; 6]], positions: &[[f32; 3]], left: &mut [[f32; 3]]) {
+        for (at, left) in left.iter_mut().enumerate() {
+            *left = positions.get(at).copied().unwrap_or_default();
+        }
+        let shares = self.tables.member_local.iter().zip(members);
+        let all = self.tables.member_markers.iter().zip(shares);
+        for (&marker, (&[.., share], centre)) in all {
+            if let Some(left) = left.get_mut(usize::from(marker)) {
+                for (left, centre) in left.iter_mut().zip(centre) {
+                    *left -= share * centre;
+                }
+            }
         }
     }
 

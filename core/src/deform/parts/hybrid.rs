@@ -6,16 +6,16 @@
 
 use core::ops::Range;
 
-use super::slots::{MarkerSlots, PartBlocks};
-use super::{PartsError, cross, tangents};
+use super::slots::{MarkerSlots, ORIGIN, PartBlocks};
+use super::{PartsError, cross, lane_of, tangents};
 use crate::Level;
-use crate::asset::LANES;
+use crate::asset::{LANES, Lanes3};
 use crate::deform::blocks::{Kernel, run};
 use crate::deform::dual::DualQuaternion;
 use crate::deform::lanes::Lanes;
 use crate::deform::linear::Linear;
 use crate::deform::output::Output;
-use crate::deform::skin::{Blend, move_point, to_unit_length, turn};
+use crate::deform::skin::{Blend, Slots, move_point, to_unit_length, turn};
 use crate::deform::store::Store;
 use crate::math::Affine12;
 use crate::pose::Dual17;
@@ -72,8 +72,8 @@ impl<'a> Hybrid<'a> {
     /// Multiplications of all blocks with normals; an upper bound.
     #[must_use]
     pub fn multiply_adds(&self) -> usize {
-        let (parts, markers) = (self.blocks.parts.len(), self.slots.markers.len());
-        LANES * (13 * parts + 9 * markers + 100 * self.block_count())
+        let parts = self.blocks.parts.len();
+        self.slots.multiply_adds() + LANES * (13 * parts + 100 * self.block_count())
     }
 
     /// Vertices of a range of blocks, which is cut to those that exist. Ranges may go to different
@@ -137,35 +137,94 @@ impl<B: Blend> Kernel for Stream<'_, '_, B> {
         let wants_normals = store.wants_normals();
         let rest = &self.skin.blocks;
         for block in blocks {
-            let (slots, _) = rest.slots(block);
+            let (parts, _) = rest.slots(block);
             for first in (0..LANES).step_by(L::WIDTH) {
                 let at = (block, first);
+                let slots = &self.skin.slots;
                 let mut position = rest.position::<L>(token, block, first);
+                slots.add_positions(token, self.residuals, at, &mut position);
                 let mut normal = [L::splat(token, 0.0); 3];
                 if wants_normals {
                     normal = rest.normal(token, block, first);
-                    let [along, across] = tangents(token, normal);
-                    let mut sums = [position, along, across];
-                    self.skin
-                        .slots
-                        .add_all(token, self.residuals, at, &mut sums);
-                    let [displaced, along, across] = sums;
-                    position = displaced;
+                    let mut sums = tangents(token, normal);
+                    slots.add_tangents(token, self.residuals, at, &mut sums);
+                    let [along, across] = sums;
                     normal = cross(along, across);
-                } else {
-                    let slots = &self.skin.slots;
-                    slots.add_positions(token, self.residuals, at, &mut position);
                 }
-                let matrix = match *slots.binds {
-                    [part] => splat(token, self.blend.rigid(part)),
-                    _ => self.blend.matrix::<L>(token, &slots, first),
-                };
-                store.positions(block, first, move_point(&matrix, position));
-                if wants_normals {
-                    let turned = turn(&matrix, normal);
-                    store.normals(block, first, to_unit_length(token, turned));
+                self.put(token, &parts, at, (position, normal), store);
+            }
+        }
+    }
+
+    /// Displaces a block at once; what blends needs the registers for itself.
+    #[inline(always)]
+    fn scalar_blocks<S: Store>(&self, blocks: Range<usize>, store: &mut S) {
+        let (rest, slots) = (&self.skin.blocks, &self.skin.slots);
+        for block in blocks {
+            let mut positions = *rest.positions.get(block).unwrap_or(&ORIGIN);
+            slots.scalar_positions(self.residuals, block, &mut positions);
+            let mut normals = ORIGIN;
+            if store.wants_normals() {
+                normals = self.scalar_normals(block);
+            }
+            let (parts, _) = rest.slots(block);
+            for first in (0..LANES).step_by(2) {
+                let position = <[f32; 2]>::load3((), &positions, first);
+                let normal = <[f32; 2]>::load3((), &normals, first);
+                self.put((), &parts, (block, first), (position, normal), store);
+            }
+        }
+    }
+}
+
+impl<B: Blend> Stream<'_, '_, B> {
+    /// Normals of the displaced rest shape, of any length.
+    #[inline(always)]
+    fn scalar_normals(&self, block: usize) -> Lanes3 {
+        const HALF: usize = LANES / 2;
+        let rest = self.skin.blocks.normals.get(block).unwrap_or(&ORIGIN);
+        let mut normals = ORIGIN;
+        for half in 0..2 {
+            let mut sums = [[[0.0; HALF]; 3]; 2];
+            for lane in 0..HALF {
+                let of = tangents((), lane_of(rest, half * HALF + lane));
+                for (sums, of) in sums.as_flattened_mut().iter_mut().zip(of.as_flattened()) {
+                    if let Some(sum) = sums.get_mut(lane) {
+                        *sum = *of;
+                    }
                 }
             }
+            let slots = &self.skin.slots;
+            slots.scalar_tangents(self.residuals, (block, half), &mut sums);
+            for lane in 0..HALF {
+                let [along, across] = sums.map(|sums| lane_of(&sums, lane));
+                let normal = cross(along, across);
+                for (lanes, value) in normals.iter_mut().zip(normal) {
+                    value.put(lanes, half * HALF + lane);
+                }
+            }
+        }
+        normals
+    }
+
+    /// Blends the frames of parts and moves what was displaced.
+    #[inline(always)]
+    fn put<L: Lanes, S: Store>(
+        &self,
+        token: L::Token,
+        parts: &Slots<'_>,
+        (block, first): (usize, usize),
+        (position, normal): ([L; 3], [L; 3]),
+        store: &mut S,
+    ) {
+        let matrix = match *parts.binds {
+            [part] => splat(token, self.blend.rigid(part)),
+            _ => self.blend.matrix::<L>(token, parts, first),
+        };
+        store.positions(block, first, move_point(&matrix, position));
+        if store.wants_normals() {
+            let turned = turn(&matrix, normal);
+            store.normals(block, first, to_unit_length(token, turned));
         }
     }
 }

@@ -41,7 +41,7 @@ pub use hybrid::{Hybrid, PartFrames};
 pub use rig::{FollowReport, Followed, MarkerRig, RigState, rig_state_len, rig_workspace_len};
 pub(crate) use rig::{HELD, REFITS};
 pub use rig_check::MarkerRigTables;
-pub use slots::{MarkerSlots, PartBlocks};
+pub use slots::{MarkerRows, MarkerSlots, PartBlocks};
 
 /// Two unit tangents of a unit normal, right-handed with it (Duff et al., *Building an Orthonormal
 /// Basis, Revisited*, 2017): what the coefficients of [`MarkerSlots`] refer to.
@@ -63,6 +63,12 @@ fn tangents<L: Lanes>(token: L::Token, [x, y, z]: [L; 3]) -> [[L; 3]; 2] {
     ];
     let across = [b, sign.add(y.mul(y).mul(a)), zero.sub(y)];
     [along, across]
+}
+
+/// x, y and z of a lane.
+#[inline(always)]
+fn lane_of<const N: usize>(lanes: &[[f32; N]; 3], lane: usize) -> [f32; 3] {
+    lanes.map(|axis| axis.get(lane).copied().unwrap_or(0.0))
 }
 
 #[inline(always)]

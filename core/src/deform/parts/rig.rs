@@ -371,6 +371,11 @@ impl<'a> MarkerRig<'a> {
         let range = row(self.tables.carrier_starts, marker);
         let parts = self.tables.carrier_parts.get(range.clone());
         let weights = self.tables.carrier_weights.get(range);
+        // What one part carries alone moves as it does.
+        if let Some(&[part]) = parts {
+            let frame = palette.get(usize::from(part));
+            return frame.copied().unwrap_or(IDENTITY);
+        }
         let parts = parts.unwrap_or_default().iter().map(|&p| usize::from(p));
         let carriers = parts.zip(weights.unwrap_or_default());
         if self.linear {

@@ -9,34 +9,60 @@ use crate::deform::skin::Slots;
 /// Largest coefficient of a marker; beyond it noise would be magnified to nonsense.
 const LARGEST: f32 = 1e4;
 
-/// Markers that move blocks, with coefficients for positions and two tangents.
+/// Markers of blocks, each with its shares in eight vertices.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct MarkerSlots<'a> {
+pub struct MarkerRows<'a, Shares> {
     /// `[blocks + 1]`: first slot of each block of eight vertices.
     pub starts: &'a [u32],
     /// `[slots]`: marker.
     pub markers: &'a [u16],
-    /// `[slots]`: share of the marker in the position of eight vertices, and how it changes along
-    /// the two tangents of `tangents`, a metre.
-    pub shares: &'a [[[f32; LANES]; 3]],
+    /// `[slots]`: shares.
+    pub shares: &'a [Shares],
 }
 
-impl<'a> MarkerSlots<'a> {
-    pub(super) fn check(&self, blocks: usize, markers: usize) -> Result<(), PartsError> {
+/// Markers that move blocks. Few turn a normal, so tangents have slots of their own.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MarkerSlots<'a> {
+    /// Shares in the positions of eight vertices.
+    pub positions: MarkerRows<'a, [f32; LANES]>,
+    /// How they change along the two tangents of `tangents`, a metre.
+    pub tangents: MarkerRows<'a, [[f32; LANES]; 2]>,
+}
+
+impl<'a, Shares> MarkerRows<'a, Shares> {
+    fn check(&self, blocks: usize, markers: usize) -> Result<(), PartsError> {
         let table = PartsTable::MarkerSlots;
         length(table, self.shares.len(), self.markers.len())?;
         starts(self.starts, blocks, self.markers.len())?;
         let of = self.markers.iter().map(|&marker| usize::from(marker));
-        below(table, of, markers)?;
-        numbers(table, self.shares.as_flattened().as_flattened(), LARGEST)
+        below(table, of, markers)
     }
 
     #[inline(always)]
-    fn row(&self, block: usize) -> impl Iterator<Item = (u16, &'a [[f32; LANES]; 3])> + use<'a> {
+    pub(super) fn row(
+        &self,
+        block: usize,
+    ) -> impl Iterator<Item = (u16, &'a Shares)> + use<'a, Shares> {
         let range = row(self.starts, block);
         let markers = self.markers.get(range.clone()).unwrap_or_default();
         let shares = self.shares.get(range).unwrap_or_default();
         markers.iter().copied().zip(shares)
+    }
+}
+
+impl MarkerSlots<'_> {
+    pub(super) fn check(&self, blocks: usize, markers: usize) -> Result<(), PartsError> {
+        let table = PartsTable::MarkerSlots;
+        self.positions.check(blocks, markers)?;
+        self.tangents.check(blocks, markers)?;
+        numbers(table, self.positions.shares.as_flattened(), LARGEST)?;
+        let tangents = self.tangents.shares.as_flattened();
+        numbers(table, tangents.as_flattened(), LARGEST)
+    }
+
+    /// Multiplications of all blocks.
+    pub(super) fn multiply_adds(&self) -> usize {
+        LANES * (3 * self.positions.markers.len() + 6 * self.tangents.markers.len())
     }
 
     /// Adds what the markers of a block do to its positions.
@@ -48,33 +74,76 @@ impl<'a> MarkerSlots<'a> {
         (block, first): (usize, usize),
         position: &mut [L; 3],
     ) {
-        for (marker, [share, ..]) in self.row(block) {
-            let handle = handles.get(usize::from(marker)).unwrap_or(&[0.0; 3]);
+        for (marker, share) in self.positions.row(block) {
             let share = L::load(token, share, first);
-            for (sum, &value) in position.iter_mut().zip(handle) {
+            for (sum, value) in position.iter_mut().zip(handle(handles, marker)) {
                 *sum = sum.add(L::splat(token, value).mul(share));
             }
         }
     }
 
-    /// Adds what the markers of a block do to its positions and to both tangents.
+    /// Adds what the markers of a block do to its tangents.
     #[inline(always)]
-    pub(super) fn add_all<L: Lanes>(
+    pub(super) fn add_tangents<L: Lanes>(
         &self,
         token: L::Token,
         handles: &[[f32; 3]],
         (block, first): (usize, usize),
-        sums: &mut [[L; 3]; 3],
+        tangents: &mut [[L; 3]; 2],
     ) {
-        for (marker, shares) in self.row(block) {
-            let &[x, y, z] = handles.get(usize::from(marker)).unwrap_or(&[0.0; 3]);
+        for (marker, shares) in self.tangents.row(block) {
+            let [x, y, z] = handle(handles, marker);
             let (x, y, z) = (L::splat(token, x), L::splat(token, y), L::splat(token, z));
-            for ([a, b, c], share) in sums.iter_mut().zip(shares) {
+            for ([a, b, c], share) in tangents.iter_mut().zip(shares) {
                 let share = L::load(token, share, first);
                 *a = a.add(x.mul(share));
                 *b = b.add(y.mul(share));
                 *c = c.add(z.mul(share));
             }
+        }
+    }
+
+    /// [`Self::add_positions`] for all lanes without vector instructions: their sums just fit the
+    /// registers of a Cortex-M, so a marker is fetched once.
+    #[inline(always)]
+    pub(super) fn scalar_positions(&self, handles: &[[f32; 3]], block: usize, sums: &mut Lanes3) {
+        for (marker, shares) in self.positions.row(block) {
+            add_lanes(sums, handle(handles, marker), shares);
+        }
+    }
+
+    /// Likewise both tangents of half the lanes.
+    #[inline(always)]
+    pub(super) fn scalar_tangents(
+        &self,
+        handles: &[[f32; 3]],
+        (block, half): (usize, usize),
+        sums: &mut [[[f32; LANES / 2]; 3]; 2],
+    ) {
+        for (marker, shares) in self.tangents.row(block) {
+            let handle = handle(handles, marker);
+            for (sums, shares) in sums.iter_mut().zip(shares) {
+                if let Some(shares) = shares.as_chunks().0.get(half) {
+                    add_lanes(sums, handle, shares);
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn handle(handles: &[[f32; 3]], marker: u16) -> [f32; 3] {
+    handles
+        .get(usize::from(marker))
+        .copied()
+        .unwrap_or_default()
+}
+
+#[inline(always)]
+fn add_lanes<const N: usize>(sums: &mut [[f32; N]; 3], handle: [f32; 3], shares: &[f32; N]) {
+    for (sums, value) in sums.iter_mut().zip(handle) {
+        for (sum, share) in sums.iter_mut().zip(shares) {
+            *sum += value * share;
         }
     }
 }
@@ -160,7 +229,7 @@ impl<'a> PartBlocks<'a> {
     }
 }
 
-static ORIGIN: Lanes3 = [[0.0; LANES]; 3];
+pub(super) static ORIGIN: Lanes3 = [[0.0; LANES]; 3];
 
 /// The entries of a row.
 #[inline(always)]

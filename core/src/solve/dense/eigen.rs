@@ -1,131 +1,113 @@
-//! Eigenvalues of small symmetric matrices by Jacobi rotations.
+//! Eigenvalues of a symmetric matrix of 4 x 4 by Jacobi rotations.
 
 use crate::math::inverse_sqrt;
 
-/// Rotations that an `n x n` matrix is given at most.
+/// Most rotations.
 ///
 /// Each takes the largest entry off the diagonal away, and the error falls quadratically: of
-/// 400,000 matrices 4 x 4, flat, noisy and degenerate ones among them, one in forty needs 18 of
-/// the 18, and none is then off by more than 2e-6 of its norm. Rotations in a fixed order would need
-/// up to 28.
-pub const fn jacobi_rotations(n: usize) -> usize {
-    3 * n * n.saturating_sub(1) / 2
-}
+/// 400,000 matrices, flat, noisy and degenerate ones among them, one in forty needs all, and none is
+/// then off by more than 2e-6 of its norm. Rotations in a fixed order would need up to 28.
+pub(crate) const JACOBI_ROTATIONS: usize = 18;
 
 /// An entry this far below the largest of the diagonal is nothing.
 const NOTHING: f32 = 1e-8;
 
-/// Eigenvalues, and eigenvectors as rows, of a symmetric matrix of up to 4 x 4, in no order.
+/// Eigenvalues, and eigenvectors as rows, of a symmetric matrix, of which the upper triangle is
+/// read, in no order.
 ///
-/// At most [`jacobi_rotations`] whatever the matrix is, so the cost is bounded. Numbers must be
-/// finite and below 1e12. O(`N`^3) (Golub & Van Loan, *Matrix Computations*, section 8.5: classical
-/// Jacobi)
+/// At most 18 rotations whatever the matrix is, so the cost is bounded. Numbers must be finite and
+/// below 1e12. (Golub & Van Loan, *Matrix Computations*, section 8.5: classical Jacobi)
 #[must_use]
-pub fn symmetric_eigen<const N: usize>(mut matrix: [[f32; N]; N]) -> ([f32; N], [[f32; N]; N]) {
-    let mut vectors = [[0.0; N]; N];
-    for (at, row) in vectors.iter_mut().enumerate() {
-        if let Some(diagonal) = row.get_mut(at) {
-            *diagonal = 1.0;
-        }
-    }
-    for _ in 0..jacobi_rotations(N) {
-        let Some((p, q)) = largest(&matrix) else {
+pub fn symmetric_eigen(matrix: [[f32; 4]; 4]) -> ([f32; 4], [[f32; 4]; 4]) {
+    let [
+        [mut aa, mut ab, mut ac, mut ad],
+        [_, mut bb, mut bc, mut bd],
+        [_, _, mut cc, mut cd],
+        [_, _, _, mut dd],
+    ] = matrix;
+    let mut a = [1.0, 0.0, 0.0, 0.0];
+    let mut b = [0.0, 1.0, 0.0, 0.0];
+    let mut c = [0.0, 0.0, 1.0, 0.0];
+    let mut d = [0.0, 0.0, 0.0, 1.0];
+    for _ in 0..JACOBI_ROTATIONS {
+        let scale = largest([aa, bb, cc, dd]).1;
+        let (at, most) = largest([ab, ac, ad, bc, bd, cd]);
+        if most <= NOTHING * scale + 1e-30 {
             break;
-        };
-        let turn = Turn::away(&matrix, p, q);
-        turn.apply(&mut matrix, p, q);
-        if let Ok([p, q]) = vectors.get_disjoint_mut([p, q]) {
-            for (a, b) in p.iter_mut().zip(q) {
-                (*a, *b) = turn.both(*a, *b);
-            }
+        }
+        match at {
+            0 => turn(
+                [&mut aa, &mut bb, &mut ab],
+                [(&mut ac, &mut bc), (&mut ad, &mut bd)],
+                (&mut a, &mut b),
+            ),
+            1 => turn(
+                [&mut aa, &mut cc, &mut ac],
+                [(&mut ab, &mut bc), (&mut ad, &mut cd)],
+                (&mut a, &mut c),
+            ),
+            2 => turn(
+                [&mut aa, &mut dd, &mut ad],
+                [(&mut ab, &mut bd), (&mut ac, &mut cd)],
+                (&mut a, &mut d),
+            ),
+            3 => turn(
+                [&mut bb, &mut cc, &mut bc],
+                [(&mut ab, &mut ac), (&mut bd, &mut cd)],
+                (&mut b, &mut c),
+            ),
+            4 => turn(
+                [&mut bb, &mut dd, &mut bd],
+                [(&mut ab, &mut ad), (&mut bc, &mut cd)],
+                (&mut b, &mut d),
+            ),
+            _ => turn(
+                [&mut cc, &mut dd, &mut cd],
+                [(&mut ac, &mut ad), (&mut bc, &mut bd)],
+                (&mut c, &mut d),
+            ),
         }
     }
-    let mut values = [0.0; N];
-    for (at, (value, row)) in values.iter_mut().zip(&matrix).enumerate() {
-        *value = row.get(at).copied().unwrap_or(0.0);
-    }
-    (values, vectors)
+    ([aa, bb, cc, dd], [a, b, c, d])
 }
 
-/// Row and column of the largest entry above the diagonal; `None` where all are nothing.
-fn largest<const N: usize>(matrix: &[[f32; N]; N]) -> Option<(usize, usize)> {
-    let (mut place, mut most, mut scale) = (None, 0.0, 0.0_f32);
-    for (p, row) in matrix.iter().enumerate() {
-        for (q, entry) in row.iter().enumerate().skip(p) {
-            let size = entry.abs();
-            if q == p {
-                scale = scale.max(size);
-            } else if size > most {
-                (place, most) = (Some((p, q)), size);
-            }
+/// Place and size of the largest number.
+#[inline(always)]
+fn largest<const N: usize>(numbers: [f32; N]) -> (usize, f32) {
+    let mut found = (0, 0.0);
+    for (at, number) in numbers.into_iter().enumerate() {
+        if number.abs() > found.1 {
+            found = (at, number.abs());
         }
     }
-    place.filter(|_| most > NOTHING * scale + 1e-30)
+    found
 }
 
-/// A rotation in the plane of two axes.
-struct Turn {
-    cosine: f32,
-    sine: f32,
-    tangent: f32,
-}
-
-impl Turn {
-    /// The one that takes the entry `(p, q)`, which is not zero, away.
-    fn away<const N: usize>(matrix: &[[f32; N]; N], p: usize, q: usize) -> Self {
-        let (pp, pq, qq) = (
-            entry(matrix, p, p),
-            entry(matrix, p, q),
-            entry(matrix, q, q),
-        );
-        let theta = (qq - pp) / (pq + pq);
-        let squared = theta * theta + 1.0;
-        let tangent = 1.0_f32.copysign(theta) / (theta.abs() + squared * inverse_sqrt(squared));
-        let cosine = inverse_sqrt(tangent * tangent + 1.0);
-        Self {
-            cosine,
-            sine: tangent * cosine,
-            tangent,
-        }
-    }
-
-    fn both(&self, a: f32, b: f32) -> (f32, f32) {
-        let (c, s) = (self.cosine, self.sine);
-        (c * a - s * b, s * a + c * b)
-    }
-
-    /// From both sides of a symmetric matrix.
-    fn apply<const N: usize>(&self, matrix: &mut [[f32; N]; N], p: usize, q: usize) {
-        let step = self.tangent * entry(matrix, p, q);
-        for at in 0..N {
-            if at != p && at != q {
-                let (a, b) = self.both(entry(matrix, at, p), entry(matrix, at, q));
-                for (row, column, value) in [(at, p, a), (p, at, a), (at, q, b), (q, at, b)] {
-                    put(matrix, row, column, value);
-                }
-            }
-        }
-        let (pp, qq) = (entry(matrix, p, p), entry(matrix, q, q));
-        for (row, column, value) in [
-            (p, p, pp - step),
-            (q, q, qq + step),
-            (p, q, 0.0),
-            (q, p, 0.0),
-        ] {
-            put(matrix, row, column, value);
-        }
-    }
-}
-
-fn put<const N: usize>(matrix: &mut [[f32; N]; N], row: usize, column: usize, value: f32) {
-    if let Some(entry) = matrix.get_mut(row).and_then(|row| row.get_mut(column)) {
-        *entry = value;
-    }
-}
-
-fn entry<const N: usize>(matrix: &[[f32; N]; N], row: usize, column: usize) -> f32 {
-    let row = matrix.get(row).and_then(|row| row.get(column));
-    row.copied().unwrap_or(0.0)
+/// Takes the entry `pq`, which is not zero, away. `others`: what rows p and q have in the other
+/// columns.
+#[inline(always)]
+fn turn(
+    [pp, qq, pq]: [&mut f32; 3],
+    [(rp, rq), (sp, sq)]: [(&mut f32, &mut f32); 2],
+    ([pa, pb, pc, pd], [qa, qb, qc, qd]): (&mut [f32; 4], &mut [f32; 4]),
+) {
+    let theta = (*qq - *pp) / (*pq + *pq);
+    let squared = theta * theta + 1.0;
+    let tangent = 1.0_f32.copysign(theta) / (theta.abs() + squared * inverse_sqrt(squared));
+    let cosine = inverse_sqrt(tangent * tangent + 1.0);
+    let sine = tangent * cosine;
+    let step = tangent * *pq;
+    (*pp, *qq, *pq) = (*pp - step, *qq + step, 0.0);
+    let spin = |p: &mut f32, q: &mut f32| {
+        (*p, *q) = (cosine * *p - sine * *q, sine * *p + cosine * *q);
+    };
+    // Written out: a loop would keep all of it in memory.
+    spin(rp, rq);
+    spin(sp, sq);
+    spin(pa, qa);
+    spin(pb, qb);
+    spin(pc, qc);
+    spin(pd, qd);
 }
 
 #[cfg(test)]
@@ -134,11 +116,15 @@ mod tests {
 
     #[test]
     fn known_values_of_a_coupled_pair() {
-        let (values, vectors) =
-            symmetric_eigen([[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 7.0]]);
+        let (values, vectors) = symmetric_eigen([
+            [2.0, 1.0, 0.0, 0.0],
+            [1.0, 2.0, 0.0, 0.0],
+            [0.0, 0.0, 7.0, 0.0],
+            [0.0, 0.0, 0.0, 5.0],
+        ]);
         let mut sorted = values;
         sorted.sort_by(f32::total_cmp);
-        for (found, known) in sorted.iter().zip([1.0, 3.0, 7.0]) {
+        for (found, known) in sorted.iter().zip([1.0, 3.0, 5.0, 7.0]) {
             assert!((found - known).abs() < 1e-6, "{values:?}");
         }
         let at = values.iter().position(|x| (x - 3.0).abs() < 1e-5).unwrap();

@@ -8,5 +8,6 @@ mod eigen;
 pub mod ldlt;
 mod orientation;
 
-pub use eigen::{jacobi_rotations, symmetric_eigen};
+pub(crate) use eigen::JACOBI_ROTATIONS;
+pub use eigen::symmetric_eigen;
 pub use orientation::{Pair, Rigid, absolute_orientation};

@@ -43,21 +43,21 @@ const CERTAIN: f32 = 2e-3;
 #[must_use]
 pub fn absolute_orientation<I: Iterator<Item = Pair> + Clone>(pairs: I) -> Option<Rigid> {
     let (mut total, mut from, mut to, mut count) = (0.0, [0.0; 3], [0.0; 3], 0);
-    for pair in pairs.clone() {
+    pairs.clone().for_each(|pair| {
         total += pair.weight;
         count += usize::from(pair.weight > 0.0);
         for axis in 0..3 {
             from[axis] += pair.weight * pair.from[axis];
             to[axis] += pair.weight * pair.to[axis];
         }
-    }
+    });
     if count < 3 || total <= 1e-12 {
         return None;
     }
     let (from, to) = (from.map(|x| x / total), to.map(|x| x / total));
     let mut s = [[0.0_f32; 3]; 3];
     let mut spread = 0.0;
-    for pair in pairs {
+    pairs.for_each(|pair| {
         let a = difference(pair.from, from);
         let b = difference(pair.to, to);
         for (row, a) in s.iter_mut().zip(a) {
@@ -66,7 +66,7 @@ pub fn absolute_orientation<I: Iterator<Item = Pair> + Clone>(pairs: I) -> Optio
             }
             spread += pair.weight * a * a;
         }
-    }
+    });
     let [[xx, xy, xz], [yx, yy, yz], [zx, zy, zz]] = s;
     let (values, vectors) = symmetric_eigen([
         [xx + yy + zz, yz - zy, zx - xz, xy - yx],

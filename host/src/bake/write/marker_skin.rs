@@ -88,12 +88,22 @@ impl Writer {
         self.put(K::PartSlotWeights, blocks.weights.as_flattened());
     }
 
-    fn marker_slots(&mut self, slots: &SlotTables) {
-        self.dims.marker_skin.marker_slot_count = slots.markers.len();
-        self.put(K::MarkerSlotStarts, &slots.starts);
-        self.put(K::MarkerSlotMarkers, &slots.markers);
-        let shares = slots.shares.as_flattened().as_flattened();
-        self.put(K::MarkerSlotShares, shares);
+    fn marker_slots(
+        &mut self,
+        SlotTables {
+            positions,
+            tangents,
+        }: &SlotTables,
+    ) {
+        self.dims.marker_skin.marker_slot_count = positions.markers.len();
+        self.put(K::MarkerSlotStarts, &positions.starts);
+        self.put(K::MarkerSlotMarkers, &positions.markers);
+        self.put(K::MarkerSlotShares, positions.shares.as_flattened());
+        self.dims.marker_skin.tangent_slot_count = tangents.markers.len();
+        self.put(K::TangentSlotStarts, &tangents.starts);
+        self.put(K::TangentSlotMarkers, &tangents.markers);
+        let shares = tangents.shares.as_flattened().as_flattened();
+        self.put(K::TangentSlotShares, shares);
     }
 }
 

@@ -7,8 +7,8 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::super::load::{self, Reading};
-use super::super::markers::complete;
 use super::super::say::Say;
+use super::super::usable;
 use super::Failure;
 use crate::fit::correctives::{Correctives, Performed, learn, pose};
 use crate::fit::parts::glue;
@@ -19,13 +19,13 @@ use crate::take::Take;
 /// What to learn correctives from.
 #[derive(Args, Clone, Default)]
 pub(super) struct FromCapture {
-    /// A capture of dense markers on the body's skin (.c3d, .trc, .csv), labelled and without gaps:
+    /// A capture of dense markers on the body's skin (.c3d, .trc, .csv), labelled and cleaned:
     /// learn how flesh bulges and jiggles as the skeleton moves. Each begins in the mesh's rest
     /// pose; may be given several times, with the same labels.
     #[arg(long, value_name = "CAPTURE")]
     correctives: Vec<PathBuf>,
     /// The frame (0 is the first) of the first capture in which the subject stands in the mesh's
-    /// rest pose; the first complete one without it.
+    /// rest pose; the first that shows most markers without it.
     #[arg(long, requires = "correctives", value_name = "FRAME")]
     correctives_rest: Option<usize>,
 }
@@ -64,26 +64,18 @@ impl FromCapture {
             };
             labels.iter().map(find).collect()
         };
-        let mut frames = Vec::new();
+        let mut with_columns = Vec::new();
         for (path, take) in &takes {
-            frames.push(complete(take, &columns(path, take)?));
+            with_columns.push((take, columns(path, take)?));
         }
-        let rest = match self.correctives_rest {
-            None => frames[0].first(),
-            Some(wanted) => frames[0].iter().find(|frame| frame.0 == wanted),
-        };
-        let Some((rest_frame, standing)) = rest.cloned() else {
-            return Err(Failure::Data(format!(
-                "{}: no frame shows every marker, or the one that is asked for does not; fill gaps \
-                 first: sinew clean",
-                first.display()
-            )));
-        };
+        let rest = ("--correctives-rest", self.correctives_rest);
+        let seen = usable::markers(first, &with_columns, rest, say)?;
+        let (rest_frame, frames) = (seen.rest, seen.frames);
         let fault = |error: &dyn std::error::Error| load::fault(first, error);
-        let fitted = glue::fit(&body.mesh, &standing).map_err(|error| fault(&error))?;
+        let fitted = glue::fit(&body.mesh, &seen.standing).map_err(|error| fault(&error))?;
         say.line(format!(
             "correctives: {} markers on the skin in frame {rest_frame}, {:.1} mm from it on average",
-            labels.len(),
+            seen.kept.len(),
             1e3 * fitted.mean_distance
         ));
         let glued = (&fitted.glued[..], &fitted.rest[..]);
@@ -117,7 +109,7 @@ impl FromCapture {
             learnt.data.parents.len(),
         ));
         let report = json!({
-            "markers": labels.len(),
+            "markers": seen.kept.len(),
             "frames": used,
             "rest_frame": rest_frame,
             "modes": learnt.morphs.len(),

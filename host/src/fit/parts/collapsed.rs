@@ -3,8 +3,9 @@
 //!
 //! A surface that skinning moves is linear in the markers: a rigid part is an affine combination
 //! of its markers, a blend is a blend of such combinations. So each block takes the few markers
-//! that explain it best (orthogonal matching pursuit) and least squares finds the shares. The
-//! ridge is the noise that the markers are expected to have, doubled.
+//! that explain it best (orthogonal matching pursuit), as many as are worth it, and least squares
+//! finds the shares. The ridge is the noise that the markers are expected to have, doubled. What
+//! turns normals is found in the same way for itself: it takes fewer.
 
 use glam::DVec3;
 use sinew_core::asset::LANES;
@@ -20,6 +21,11 @@ const CANDIDATES: usize = 40;
 const MIDDLE: usize = 4;
 /// Markers taken between two fits.
 const STRIDE: usize = 2;
+/// A marker is worth its place where it takes the square of this many metres off the mean square of
+/// what is left of a position,
+const LEAST_STEP: f64 = 0.3e-3;
+/// or the square of this much off that of a tangent.
+const LEAST_TURN: f64 = 0.02;
 /// The ridge, in squares of the markers' noise: what a few candidates repeat of it adds up.
 const CAUTION: f64 = 4.0;
 /// Weight of the rest shape, turned any way, against all frames.
@@ -50,7 +56,7 @@ pub fn slots(
 ) -> SlotTables {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let blocks: Vec<&[u32]> = order.chunks(LANES).collect();
-    let mut fitted: Vec<Vec<(usize, [f64; 3 * LANES])>> = vec![Vec::new(); blocks.len()];
+    let mut fitted = vec![Fitted::default(); blocks.len()];
     let chunk = blocks.len().div_ceil(threads).max(1);
     std::thread::scope(|scope| {
         for (blocks, fitted) in blocks.chunks(chunk).zip(fitted.chunks_mut(chunk)) {
@@ -58,25 +64,41 @@ pub fn slots(
                 for (vertices, fitted) in blocks.iter().zip(fitted) {
                     let near = nearest(vertices, distances);
                     let fit = Fit::new(vertices, &near, skin, rest, examples);
-                    *fitted = fit.solve(&near, most);
+                    *fitted = Fitted {
+                        positions: fit.solve(&near, 0, (1.0, LEAST_STEP), most),
+                        tangents: fit.solve(&near, LANES, (0.0, LEAST_TURN), most),
+                    };
                 }
             });
         }
     });
-    let mut out = SlotTables {
-        starts: vec![0],
-        ..SlotTables::default()
-    };
-    for mut block in fitted {
-        block.sort_by_key(|slot| slot.0);
-        for (marker, row) in block {
-            out.markers.push(marker as u16);
-            let axis = |axis: usize| std::array::from_fn(|lane| row[axis * LANES + lane] as f32);
-            out.shares.push([axis(0), axis(1), axis(2)]);
-        }
-        out.starts.push(out.markers.len() as u32);
+    let mut out = SlotTables::default();
+    for block in fitted {
+        out.positions.push(in_floats(block.positions));
+        let tangents = in_floats::<{ 2 * LANES }>(block.tangents).into_iter();
+        let halves = tangents.map(|(marker, row)| {
+            let half = |axis: usize| std::array::from_fn(|lane| row[axis * LANES + lane]);
+            (marker, [half(0), half(1)])
+        });
+        out.tangents.push(halves.collect());
     }
     out
+}
+
+/// (marker, shares) of a block.
+type Row<const N: usize> = (usize, [f64; N]);
+
+#[derive(Clone, Debug, Default)]
+struct Fitted {
+    positions: Vec<Row<LANES>>,
+    /// Along one tangent, then along the other.
+    tangents: Vec<Row<{ 2 * LANES }>>,
+}
+
+fn in_floats<const N: usize>(rows: Vec<Row<N>>) -> Vec<(usize, [f32; N])> {
+    let rows = rows.into_iter();
+    rows.map(|(marker, row)| (marker, row.map(|x| x as f32)))
+        .collect()
 }
 
 /// Markers nearest to any vertex of a block.
@@ -99,6 +121,8 @@ struct Fit {
     gram: Vec<f64>,
     /// `[n][positions, two tangents]`
     right: Vec<[f64; 3 * LANES]>,
+    /// Sum of the weights of frames.
+    frames: f64,
 }
 
 impl Fit {
@@ -116,6 +140,7 @@ impl Fit {
             middle,
             gram: vec![0.0; n * n],
             right: vec![[0.0; 3 * LANES]; n],
+            frames: examples.len() as f64 + REST * examples.len().max(1) as f64,
         };
         let tilts = tilts(vertices, skin, rest);
         let weight = REST * examples.len().max(1) as f64;
@@ -169,31 +194,50 @@ impl Fit {
         }
     }
 
-    /// (marker, shares) of at most `most` markers.
-    fn solve(&self, near: &[usize], most: usize) -> Vec<(usize, [f64; 3 * LANES])> {
+    /// (marker, shares) of some right-hand sides, from `first` on. Markers are taken, at most `most`,
+    /// as long as each takes the square of `least` off the mean square of what is left; `whole` is
+    /// what shares sum to.
+    fn solve<const N: usize>(
+        &self,
+        near: &[usize],
+        first: usize,
+        (whole, least): (f64, f64),
+        most: usize,
+    ) -> Vec<Row<N>> {
+        let rows = self.right.iter();
+        let right: Vec<[f64; N]> = rows
+            .map(|row| std::array::from_fn(|at| row[first + at]))
+            .collect();
+        let worth = least * least * self.frames * N as f64;
         let most = most.min(self.n);
-        let mut chosen: Vec<usize> = (0..self.middle).collect();
-        let mut shares = self.over(&chosen);
+        let mut chosen: Vec<usize> = (0..self.middle.min(most)).collect();
+        let mut shares = self.over(&chosen, &right);
+        let mut before = explained(&chosen, &shares, &right);
         while chosen.len() < most {
             let mut best: Vec<(f64, usize)> = (0..self.n)
                 .filter(|at| !chosen.contains(at))
-                .map(|at| (self.gain(at, &chosen, &shares), at))
+                .map(|at| (self.gain(at, &chosen, &shares, &right), at))
                 .collect();
             best.sort_by(|a, b| b.0.total_cmp(&a.0));
             let room = (most - chosen.len()).min(STRIDE);
-            chosen.extend(best.iter().take(room).map(|found| found.1));
-            shares = self.over(&chosen);
+            let mut more = chosen.clone();
+            more.extend(best.iter().take(room).map(|found| found.1));
+            let next = self.over(&more, &right);
+            let now = explained(&more, &next, &right);
+            if now - before < worth * room as f64 {
+                break;
+            }
+            (chosen, shares, before) = (more, next, now);
         }
-        // What the shares lack to one, and to nothing along tangents, belongs to the middle.
-        let mut sums = [0.0; 3 * LANES];
+        // What the shares lack to the whole belongs to the middle.
+        let mut sums = [0.0; N];
         for row in &shares {
             for (sum, share) in sums.iter_mut().zip(row) {
                 *sum += share;
             }
         }
         for row in &mut shares[..self.middle] {
-            for (at, (share, sum)) in row.iter_mut().zip(&sums).enumerate() {
-                let whole = if at < LANES { 1.0 } else { 0.0 };
+            for (share, sum) in row.iter_mut().zip(&sums) {
                 *share += (whole - sum) / self.middle as f64;
             }
         }
@@ -202,30 +246,44 @@ impl Fit {
     }
 
     /// How much a marker would explain of what is left.
-    fn gain(&self, at: usize, chosen: &[usize], shares: &[[f64; 3 * LANES]]) -> f64 {
-        let mut left = self.right[at];
+    fn gain<const N: usize>(
+        &self,
+        at: usize,
+        chosen: &[usize],
+        shares: &[[f64; N]],
+        right: &[[f64; N]],
+    ) -> f64 {
+        let mut left = right[at];
         for (&other, row) in chosen.iter().zip(shares) {
             let shared = self.gram[at * self.n + other];
             for (left, share) in left.iter_mut().zip(row) {
                 *left -= shared * share;
             }
         }
-        let squares: f64 = left[..LANES].iter().map(|x| x * x).sum();
+        let squares: f64 = left.iter().map(|x| x * x).sum();
         squares / self.gram[at * self.n + at]
     }
 
-    fn over(&self, chosen: &[usize]) -> Vec<[f64; 3 * LANES]> {
+    fn over<const N: usize>(&self, chosen: &[usize], right: &[[f64; N]]) -> Vec<[f64; N]> {
         let n = chosen.len();
         let pair = |at: usize| self.gram[chosen[at / n] * self.n + chosen[at % n]];
         let matrix: Vec<f64> = (0..n * n).map(pair).collect();
-        let mut right: Vec<f64> = chosen.iter().flat_map(|&at| self.right[at]).collect();
+        let mut right: Vec<f64> = chosen.iter().flat_map(|&at| right[at]).collect();
         if let Some(factor) = Cholesky::new(n, matrix) {
-            factor.solve(&mut right, 3 * LANES);
+            factor.solve(&mut right, N);
         } else {
             right.fill(0.0);
         }
-        right.as_chunks::<{ 3 * LANES }>().0.to_vec()
+        right.as_chunks::<N>().0.to_vec()
     }
+}
+
+/// What a least-squares solution takes off the squares, ridge included.
+fn explained<const N: usize>(chosen: &[usize], shares: &[[f64; N]], right: &[[f64; N]]) -> f64 {
+    let of = |(&at, row): (&usize, &[f64; N])| -> f64 {
+        row.iter().zip(&right[at]).map(|(a, b)| a * b).sum()
+    };
+    chosen.iter().zip(shares).map(of).sum()
 }
 
 fn point(example: &Example, vertex: usize) -> DVec3 {

@@ -22,8 +22,8 @@ pub struct Ridge {
 impl Default for Ridge {
     fn default() -> Self {
         Self {
-            quadratic: 2e-2,
-            linear: 2e-2,
+            quadratic: 0.1,
+            linear: 0.05,
             constant: 1e-3,
         }
     }
@@ -38,13 +38,23 @@ const LEAST_SUPPORT: f64 = 2.0;
 const SMOOTHING: f32 = 0.04;
 const COLUMNS: usize = 10;
 
-/// Tables of all parts. `memberships`: `[markers]` of (part, weight); `rest`: `[markers]`, metres;
-/// `vertex_weights`: `[parts][vertices]`, the fields behind the weights of `blocks`.
+/// A part that a marker is a member of.
+#[derive(Clone, Copy, Debug)]
+pub struct Membership {
+    /// Which.
+    pub part: u32,
+    /// How much the marker counts in the part's transformation.
+    pub weight: f64,
+    /// The part's share in the surface at the marker.
+    pub share: f64,
+}
+
+/// Tables of all parts. `memberships`: `[markers]`; `rest`: `[markers]`, metres; `vertex_weights`: `[parts][vertices]`, the fields behind the weights of `blocks`.
 #[must_use]
 pub fn tables(
     blocks: &BlockTables,
     skin: &Skin,
-    memberships: &[Vec<(u32, f64)>],
+    memberships: &[Vec<Membership>],
     rest: &[DVec3],
     vertex_weights: &[Vec<f64>],
     ridge: Ridge,
@@ -56,12 +66,12 @@ pub fn tables(
         ..ModeTables::default()
     };
     for part in 0..vertex_weights.len() {
-        let members: Vec<(usize, f64)> = memberships
+        let members: Vec<(usize, Membership)> = memberships
             .iter()
             .enumerate()
             .flat_map(|(marker, row)| {
-                let own = row.iter().filter(|&&(other, _)| other as usize == part);
-                own.map(move |&(_, weight)| (marker, weight))
+                let own = row.iter().filter(|own| own.part as usize == part);
+                own.map(move |own| (marker, *own))
             })
             .collect();
         let points: Vec<DVec3> = members.iter().map(|&(marker, _)| rest[marker]).collect();
@@ -71,11 +81,12 @@ pub fn tables(
         let support = support(&points).max(LEAST_SUPPORT * skin.spacing());
         out.dilations.push((2.0 / support) as f32);
         let local: Vec<DVec3> = points.iter().map(|&p| frame.local(p)).collect();
-        let weights: Vec<f64> = members.iter().map(|m| m.1).collect();
+        let weights: Vec<f64> = members.iter().map(|m| m.1.weight).collect();
         let inverse = pseudo_inverse(&local, &weights, ridge);
-        for ((&(marker, _), local), inverse) in members.iter().zip(&local).zip(inverse) {
+        for ((&(marker, own), local), inverse) in members.iter().zip(&local).zip(inverse) {
             out.member_markers.push(marker as u16);
-            out.member_local.push(local.as_vec3().to_array());
+            let local = local.extend(own.share);
+            out.member_local.push(local.as_vec4().to_array());
             out.member_inverse.push(inverse.map(|value| value as f32));
         }
         out.member_starts.push(out.member_markers.len() as u32);

@@ -14,6 +14,8 @@ pub(super) const NOISE: f64 = 0.5e-3;
 /// by less than this on average, metres.
 const LEAST: f64 = 0.02;
 const LEAST_MOVE: f64 = 0.02e-3;
+/// Those that tilt its tangents by less than this on average are left out of its normals, radians.
+const LEAST_TURN: f64 = 0.005;
 
 /// Markers `[blocks]` of at most `most` each and their shares in eight vertices.
 ///
@@ -31,10 +33,7 @@ pub fn slots(
     let gram = gram(residuals, markers);
     let frames = residuals.len().max(1) as f64;
     let ridge = NOISE * NOISE * 3.0 * residuals.len().max(1) as f64;
-    let mut out = SlotTables {
-        starts: vec![0],
-        ..SlotTables::default()
-    };
+    let mut out = SlotTables::default();
     for vertices in order.chunks(LANES) {
         // Shares of all markers: of the position and along both tangents, vertex by vertex.
         let full: Vec<[f64; 3 * LANES]> = (0..markers)
@@ -68,14 +67,21 @@ pub fn slots(
         });
         near.sort_by(|&a, &b| effect(b).total_cmp(&effect(a)).then(a.cmp(&b)));
         near.truncate(most);
-        near.sort_unstable();
-        let shares = refit(&near, &full, &gram, ridge);
-        for (&marker, row) in near.iter().zip(&shares) {
-            out.markers.push(marker as u16);
-            let axis = |axis: usize| std::array::from_fn(|lane| row[axis * LANES + lane] as f32);
-            out.shares.push([axis(0), axis(1), axis(2)]);
-        }
-        out.starts.push(out.markers.len() as u32);
+        let axis = |row: &[f64; 3 * LANES], axis: usize| {
+            std::array::from_fn(|lane| row[axis * LANES + lane] as f32)
+        };
+        let rows = near.iter().zip(refit(&near, &full, &gram, ridge));
+        let positions = rows.map(|(&marker, row)| (marker, axis(&row, 0)));
+        out.positions.push(positions.collect());
+        near.retain(|&marker| {
+            let moved = (gram[marker * markers + marker] / frames).sqrt();
+            let slopes = full[marker][LANES..].iter();
+            let steepest = slopes.map(|slope| slope.abs()).fold(0.0, f64::max);
+            moved * steepest >= LEAST_TURN
+        });
+        let rows = near.iter().zip(refit(&near, &full, &gram, ridge));
+        let tangents = rows.map(|(&marker, row)| (marker, [axis(&row, 1), axis(&row, 2)]));
+        out.tangents.push(tangents.collect());
     }
     out
 }

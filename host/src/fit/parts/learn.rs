@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::collapsed::Example;
-use super::exact::Ridge;
+use super::exact::{Membership, Ridge};
 use super::segments::normalised;
 use super::spread::Skin;
 use super::tables::{ModeData, RigTables};
@@ -27,9 +27,9 @@ pub enum Mode {
 /// How to learn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Markers that move a block in the hybrid mode.
+    /// Most markers that move a block in the hybrid mode.
     pub hybrid_markers: usize,
-    /// Markers that move a block in the collapsed mode.
+    /// Most markers that move a block in the collapsed mode.
     pub collapsed_markers: usize,
     /// Pull of quadratic parts toward rigid ones.
     pub ridge: Ridge,
@@ -41,7 +41,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             hybrid_markers: 8,
-            collapsed_markers: 16,
+            collapsed_markers: 20,
             ridge: Ridge::default(),
             frames: 160,
         }
@@ -256,14 +256,28 @@ fn exact_mode(
     let order = patches::by_parts(by_surface, &vertex_weights);
     let blocks = patches::tables(order, &vertex_weights, &mesh.positions, &mesh.normals);
     // A marker on which several parts act must be known to each, or one of them would miss it.
-    let members: Vec<Vec<(u32, f64)>> = markers
+    let members: Vec<Vec<Membership>> = markers
         .iter()
         .zip(memberships)
         .map(|(marker, likely)| {
-            let mut row = likely.clone();
-            for (part, weight) in marker.weights_of(&vertex_weights) {
-                if weight >= MEMBER_WEIGHT && row.iter().all(|own| own.0 != part) {
-                    row.push((part, weight * weight));
+            let row = marker.weights_of(&vertex_weights).into_iter();
+            let shares = normalised(row.filter(|&(_, share)| share >= MEMBER_WEIGHT));
+            let mut row: Vec<Membership> = shares
+                .iter()
+                .map(|&(part, share)| Membership {
+                    part,
+                    weight: share * share,
+                    share,
+                })
+                .collect();
+            for &(part, weight) in likely {
+                match row.iter_mut().find(|own| own.part == part) {
+                    Some(own) => own.weight = weight,
+                    None => row.push(Membership {
+                        part,
+                        weight,
+                        share: 0.0,
+                    }),
                 }
             }
             row

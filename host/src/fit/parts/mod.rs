@@ -32,7 +32,7 @@ pub use error::PartsFitError;
 pub use learn::{Learnt, Mode, Options, learn};
 pub use player::{MarkerPlayer, marker_frame};
 pub use segments::Segments;
-pub use tables::{BlockTables, ModeData, ModeTables, RigTables, SlotTables};
+pub use tables::{BlockTables, ModeData, ModeTables, RigTables, SlotRows, SlotTables};
 
 use glam::DVec3;
 

@@ -2,8 +2,8 @@
 
 use sinew_core::asset::{LANES, Lanes3, MarkerMode};
 use sinew_core::deform::parts::{
-    Collapsed, Exact, ExactTables, Hybrid, MarkerRig, MarkerRigTables, MarkerSlots, PartBlocks,
-    PartsError,
+    Collapsed, Exact, ExactTables, Hybrid, MarkerRig, MarkerRigTables, MarkerRows, MarkerSlots,
+    PartBlocks, PartsError,
 };
 
 /// Owned [`MarkerRigTables`].
@@ -34,13 +34,57 @@ pub struct BlockTables {
     pub weights: Vec<[u16; LANES]>,
 }
 
+/// Owned [`MarkerRows`].
+#[derive(Clone, Debug, PartialEq)]
+#[expect(missing_docs, reason = "each field is documented in MarkerRows")]
+pub struct SlotRows<Shares> {
+    pub starts: Vec<u32>,
+    pub markers: Vec<u16>,
+    pub shares: Vec<Shares>,
+}
+
+impl<Shares> Default for SlotRows<Shares> {
+    fn default() -> Self {
+        Self {
+            starts: vec![0],
+            markers: Vec::new(),
+            shares: Vec::new(),
+        }
+    }
+}
+
+impl<Shares> SlotRows<Shares> {
+    /// Adds the (marker, shares) of the next block.
+    pub fn push(&mut self, mut block: Vec<(usize, Shares)>) {
+        block.sort_by_key(|slot| slot.0);
+        for (marker, shares) in block {
+            self.markers.push(marker as u16);
+            self.shares.push(shares);
+        }
+        self.starts.push(self.markers.len() as u32);
+    }
+
+    fn view(&self) -> MarkerRows<'_, Shares> {
+        MarkerRows {
+            starts: &self.starts,
+            markers: &self.markers,
+            shares: &self.shares,
+        }
+    }
+
+    /// Mean number of markers a block.
+    #[must_use]
+    pub fn markers_a_block(&self) -> f64 {
+        self.markers.len() as f64 / (self.starts.len().max(2) - 1) as f64
+    }
+}
+
 /// Owned [`MarkerSlots`].
 #[derive(Clone, Debug, Default, PartialEq)]
 #[expect(missing_docs, reason = "each field is documented in MarkerSlots")]
 pub struct SlotTables {
-    pub starts: Vec<u32>,
-    pub markers: Vec<u16>,
-    pub shares: Vec<[[f32; LANES]; 3]>,
+    pub positions: SlotRows<[f32; LANES]>,
+    pub tangents: SlotRows<[[f32; LANES]; 2]>,
 }
 
 /// Owned [`ExactTables`], without its blocks.
@@ -53,7 +97,7 @@ pub struct ModeTables {
     pub dilations: Vec<f32>,
     pub member_starts: Vec<u32>,
     pub member_markers: Vec<u16>,
-    pub member_local: Vec<[f32; 3]>,
+    pub member_local: Vec<[f32; 4]>,
     pub member_inverse: Vec<[f32; 10]>,
     pub smoothing: f32,
 }
@@ -99,16 +143,9 @@ impl SlotTables {
     #[must_use]
     pub fn view(&self) -> MarkerSlots<'_> {
         MarkerSlots {
-            starts: &self.starts,
-            markers: &self.markers,
-            shares: &self.shares,
+            positions: self.positions.view(),
+            tangents: self.tangents.view(),
         }
-    }
-
-    /// Mean number of markers a block.
-    #[must_use]
-    pub fn markers_a_block(&self) -> f64 {
-        self.markers.len() as f64 / (self.starts.len().max(2) - 1) as f64
     }
 }
 
