@@ -15,7 +15,7 @@ mod include;
 mod kind;
 mod laplacian;
 mod levels;
-mod marker_skin;
+pub(crate) mod marker_skin;
 mod markers;
 mod mesh;
 mod morphs;

@@ -2,6 +2,7 @@
 
 use super::budget::fewest;
 use super::{Budget, Cost};
+use crate::asset::marker_skin::{COLLAPSED, EXACT, LINEAR_HYBRID};
 use crate::asset::{Dims, LANES};
 use crate::deform::parts::{HELD, REFITS};
 use crate::solve::dense::JACOBI_ROTATIONS;
@@ -24,8 +25,10 @@ const EIGEN: u64 = ROTATIONS * ROTATION + (4 + ROOT + 4) + 9 + 9 + 1;
 const REFIT: u64 = 9 + 1;
 /// The parent's frame, and a part's own as a dual quaternion, a matrix, and to be kept.
 const PART: u64 = 16 + 9 + 19 + 9 + 16;
-/// A blended frame, a marker carried back by it, the residual cut to its limit, put forth again.
-const MARKER: u64 = (4 + ROOT + 8) + 16 + 9 + 33 + (3 + 1) + (ROOT + 1 + 3) + 9;
+/// A marker carried back by its frame, the residual cut to its limit, put forth again.
+const MARKER: u64 = 33 + (3 + 1) + (ROOT + 1 + 3) + 9;
+/// A blended dual quaternion as a matrix.
+const BLEND: u64 = (4 + ROOT + 8) + 16 + 9;
 /// A part's frame blended into a marker's.
 const CARRIER: u64 = 12;
 
@@ -48,11 +51,19 @@ pub const fn follow_cost(dims: &Dims) -> Cost {
     let counts = &dims.marker_skin;
     let (markers, parts) = (counts.marker_count as u64, counts.part_count as u64);
     let (members, carriers) = (counts.member_count as u64, counts.carrier_count as u64);
+    // What one part carries alone is not blended.
+    let blended = fewest(markers, carriers.saturating_sub(markers));
+    let blends = if counts.mode == LINEAR_HYBRID {
+        0
+    } else {
+        BLEND * blended
+    };
     Cost {
         mul_adds: PAIR * members
             + (PART + HELD_PAIRS + FITS * EIGEN + REFITS as u64 * REFIT) * parts
             + MARKER * markers
-            + CARRIER * carriers,
+            + blends
+            + CARRIER * (carriers + blended).saturating_sub(markers),
         divisions: REFITS as u64 * (members + HELD as u64 * parts)
             + FITS * (2 * ROTATIONS + 6) * parts
             + markers,
@@ -74,7 +85,7 @@ const fn stream(dims: &Dims, budget: Budget) -> Cost {
     let members = counts.exact_member_count as u64;
     let (mul_adds, divisions) = match counts.mode {
         // Each member of a slot's part adds to a position and to its slope.
-        1 => (
+        EXACT => (
             (counts.exact_cube_count as u64).div_ceil(6)
                 + 20 * counts.exact_square_count as u64
                 + 150 * members
@@ -83,21 +94,23 @@ const fn stream(dims: &Dims, budget: Budget) -> Cost {
             lanes * blocks + lanes / 2 * parts + members,
         ),
         // Three sums of three numbers; their cross product at unit length.
-        2 => (lanes * (3 * markers + 6 * tangents + 21 * blocks), 0),
-        // The same sums, then a skin by dual quaternions without stretch: a slot's weight, sum, and,
-        // but for the first, side; a vertex's tangents and their cross product, matrix, position
-        // and normal. A block of one part needs no sums.
-        _ => {
+        COLLAPSED => (lanes * (3 * markers + 6 * tangents + 21 * blocks), 0),
+        // The same sums, then a skin by the parts' frames: a slot's weight and sum, with dual
+        // quaternions its side but for the first, and the blend's matrix; a vertex's tangents and
+        // their cross product, position and normal. A block of one part needs no sums.
+        mode => {
             let rigid = fewest(counts.rigid_block_count as u64, blocks);
             let (blended, slots) = (blocks - rigid, parts - rigid);
+            let (sums, divided) = if mode == LINEAR_HYBRID {
+                ((1 + 12) * slots, 0)
+            } else {
+                let matrices = (4 + 12 + 15) * blended;
+                ((1 + 4 + 8) * slots - 4 * blended + matrices, blended)
+            };
+            let moved = (9 + 6 + 9 + 9 + 15) * blocks;
             (
-                lanes
-                    * (3 * markers
-                        + 6 * tangents
-                        + (1 + 4 + 8) * slots
-                        + (4 + 12 + 15 - 4) * blended
-                        + (9 + 6 + 9 + 9 + 15) * blocks),
-                lanes * (blocks + blended),
+                lanes * (3 * markers + 6 * tangents + sums + moved),
+                lanes * (blocks + divided),
             )
         }
     };
