@@ -17,7 +17,9 @@ use std::time::Instant;
 
 use glam::DVec3;
 use sinew_core::deform::parts::ExactBudget;
-use sinew_host::fit::parts::{Glued, Learnt, Mode, Options, Segments, learn, marker_frame};
+use sinew_host::fit::parts::{
+    Glued, Learnt, Mode, ModeData, Options, Segments, learn, marker_frame,
+};
 use sinew_host::fit::{self, Correspondence, retarget};
 use sinew_host::import::gltf::read_gltf;
 use sinew_host::import::read_bvh;
@@ -121,6 +123,14 @@ fn main() -> Result<(), Failure> {
         frames.len(),
         start.elapsed().as_secs_f64()
     );
+
+    if let ModeData::Collapsed { slots, .. } = &learnt.collapsed {
+        println!(
+            "collapsed: {:.1} markers a block, {:.1} for its normals",
+            slots.positions.markers_a_block(),
+            slots.tangents.markers_a_block()
+        );
+    }
 
     let mut truth = Vec::new();
     for clip in held_out.iter().flatten() {

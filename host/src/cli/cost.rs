@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
-use sinew_core::asset::{Asset, Dims};
-use sinew_core::frame::{Budget, cost, state_len, workspace_len};
+use sinew_core::asset::{Asset, Dims, MarkerMode};
+use sinew_core::deform::parts::{exact_state_len, rig_state_len, rig_workspace_len};
+use sinew_core::frame::{Budget, cost, follow_cost, parts_cost, state_len, workspace_len};
 
 use super::say::{Say, bytes, thousands};
 use super::{Failure, load};
@@ -93,13 +94,39 @@ pub(crate) fn tell(asset: &Asset<'_>, flash: usize, budget: Budget, say: &Say) {
         bytes(frame.bytes_read as usize),
         bytes(frame.bytes_written as usize),
     ));
+    if let Some([operations, ram]) = by_markers(asset, budget) {
+        say.line(format!(
+            "by markers     at most {} multiply-adds; {} of RAM besides the output",
+            thousands(operations),
+            bytes(ram as usize),
+        ));
+    }
+}
+
+/// Multiply-adds of a frame of the skin that markers drive, and its state and workspace in bytes.
+fn by_markers(asset: &Asset<'_>, budget: Budget) -> Option<[u64; 2]> {
+    let (skin, dims) = (asset.marker_skin()?, asset.dims());
+    let (markers, parts) = (skin.rig.marker_count(), skin.rig.part_count());
+    let numbers = rig_state_len(markers, parts) + rig_workspace_len(markers, parts);
+    let (operations, more) = match &skin.mode {
+        MarkerMode::Exact(exact) => {
+            let members = exact.tables().member_markers.len();
+            // The counts alone do not say how its members are spread over parts.
+            (
+                follow_cost(dims).mul_adds + exact.multiply_adds() as u64,
+                exact_state_len(members) + exact.workspace_len(),
+            )
+        }
+        _ => (parts_cost(dims, budget).mul_adds, 0),
+    };
+    Some([operations, 4 * (numbers + more) as u64])
 }
 
 pub(crate) fn to_json(asset: &Asset<'_>, flash: usize, budget: Budget) -> Value {
     let dims = asset.dims();
     let [state, workspace, output] = ram(dims);
     let frame = cost(dims, budget);
-    json!({
+    let mut object = json!({
         "flash_bytes": flash,
         "ram_bytes": { "state": state, "workspace": workspace, "output": output },
         "frame": {
@@ -108,5 +135,9 @@ pub(crate) fn to_json(asset: &Asset<'_>, flash: usize, budget: Budget) -> Value 
             "bytes_read": frame.bytes_read,
             "bytes_written": frame.bytes_written,
         },
-    })
+    });
+    if let Some([operations, ram]) = by_markers(asset, budget) {
+        object["by_markers"] = json!({ "mul_adds": operations, "ram_bytes": ram });
+    }
+    object
 }

@@ -29,8 +29,8 @@ pub(crate) struct FromMarkers {
     /// and frames held out.
     #[arg(long)]
     mode: Option<Wanted>,
-    /// The frame (0 is the first) in which the subject stands in the mesh's rest pose; the first
-    /// that shows most markers without it, as in `sinew register`.
+    /// The frame (0 is the first) in which the subject stands in the mesh's rest pose; without it the
+    /// one that `sinew register` takes: the first that shows nearly as many markers as any.
     #[arg(long, requires = "markers", value_name = "FRAME")]
     rest_frame: Option<usize>,
 }

@@ -42,8 +42,8 @@ pub(crate) struct Register {
     /// The capture: .c3d, .trc, Motive .csv or a table of markers; cleaned, if it has gaps.
     #[arg(long, value_name = "TAKE")]
     markers: PathBuf,
-    /// The frame (0 is the first) whose shape the mesh takes; by default the one that shows most
-    /// markers.
+    /// The frame (0 is the first) whose shape the mesh takes; by default the first that shows
+    /// nearly as many markers as any.
     #[arg(long)]
     frame: Option<usize>,
     /// A marker and the vertex (from 0) that it sits on; may be given several times.
@@ -116,7 +116,7 @@ impl Body {
     }
 }
 
-/// The frame asked for, or the one that shows most.
+/// The frame asked for, or the first that shows nearly as many markers as any.
 pub(super) fn chosen_frame(
     take: &Take,
     path: &Path,

@@ -53,8 +53,8 @@ pub(crate) struct Segment {
     /// What says where parts end.
     #[arg(long, value_enum, default_value_t = From::Auto)]
     from: From,
-    /// The frame (0 is the first) in which mesh and markers are in one place; by default the one
-    /// that shows most markers.
+    /// The frame (0 is the first) in which mesh and markers are in one place; by default the first
+    /// that shows nearly as many markers as any.
     #[arg(long)]
     frame: Option<usize>,
     /// How many parts; by default as many as move apart.

@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::Failure;
 use super::say::Say;
+use crate::fit::register::first_full;
 use crate::take::Take;
 
 /// Frames wanted, of those that there are.
@@ -43,10 +44,6 @@ pub(super) fn markers(
     say: &Say,
 ) -> Result<Usable, Failure> {
     let (first, columns) = &takes[0];
-    let shown = |frame: usize| {
-        let seen = columns.iter().filter(|&&at| is_seen(first, at, frame));
-        (seen.count(), std::cmp::Reverse(frame))
-    };
     let rest = match rest {
         Some(frame) if frame >= first.frame_count() => {
             return Err(Failure::Usage(format!(
@@ -55,9 +52,16 @@ pub(super) fn markers(
             )));
         }
         Some(frame) => frame,
-        None => (0..first.frame_count())
-            .max_by_key(|&frame| shown(frame))
-            .unwrap_or(0),
+        None => {
+            let shown = |frame| {
+                columns
+                    .iter()
+                    .filter(|&&at| is_seen(first, at, frame))
+                    .count()
+            };
+            let shown: Vec<usize> = (0..first.frame_count()).map(shown).collect();
+            first_full(&shown)
+        }
     };
     let count = columns.len();
     let mut kept: Vec<usize> = (0..count)

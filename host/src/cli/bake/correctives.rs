@@ -25,7 +25,7 @@ pub(super) struct FromCapture {
     #[arg(long, value_name = "CAPTURE")]
     correctives: Vec<PathBuf>,
     /// The frame (0 is the first) of the first capture in which the subject stands in the mesh's
-    /// rest pose; the first that shows most markers without it.
+    /// rest pose; the first that shows nearly as many markers as any without it.
     #[arg(long, requires = "correctives", value_name = "FRAME")]
     correctives_rest: Option<usize>,
 }

@@ -159,11 +159,25 @@ impl<'a> Template<'a> {
     }
 }
 
-/// The frame of a take that shows most markers, the first of these.
+/// A frame that shows this share of the markers that any shows is as good as that one.
+const NEARLY_ALL: f64 = 0.98;
+
+/// The first frame of a take that shows nearly as many markers as any: subjects begin in a pose
+/// where little is hidden, and later poses close armpits and bring hands to the body.
 #[must_use]
 pub fn reference_frame(take: &Take) -> usize {
-    let seen = |&frame: &usize| (take.seen(frame).count(), std::cmp::Reverse(frame));
-    (0..take.frame_count()).max_by_key(seen).unwrap_or(0)
+    let seen: Vec<usize> = (0..take.frame_count())
+        .map(|frame| take.seen(frame).count())
+        .collect();
+    first_full(&seen)
+}
+
+/// The first of `[frames]` counts of markers that is nearly as high as any.
+#[must_use]
+pub fn first_full(seen: &[usize]) -> usize {
+    let most = seen.iter().copied().max().unwrap_or(0);
+    let enough = |&count: &usize| count as f64 >= NEARLY_ALL * most as f64;
+    seen.iter().position(enough).unwrap_or(0)
 }
 
 /// Fits a mesh to marker positions `[markers]`, metres, Y up. `progress` hears how many of
