@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use sinew_core::asset::{Asset, Dims, MarkerMode};
 use sinew_core::deform::parts::{exact_state_len, rig_state_len, rig_workspace_len};
-use sinew_core::frame::{Budget, cost, follow_cost, parts_cost, state_len, workspace_len};
+use sinew_core::frame::{Budget, cost, parts_cost, state_len, workspace_len};
 
 use super::say::{Say, bytes, thousands};
 use super::{Failure, load};
@@ -108,17 +108,13 @@ fn by_markers(asset: &Asset<'_>, budget: Budget) -> Option<[u64; 2]> {
     let (skin, dims) = (asset.marker_skin()?, asset.dims());
     let (markers, parts) = (skin.rig.marker_count(), skin.rig.part_count());
     let numbers = rig_state_len(markers, parts) + rig_workspace_len(markers, parts);
-    let (operations, more) = match &skin.mode {
+    let more = match &skin.mode {
         MarkerMode::Exact(exact) => {
-            let members = exact.tables().member_markers.len();
-            // The counts alone do not say how its members are spread over parts.
-            (
-                follow_cost(dims).mul_adds + exact.multiply_adds() as u64,
-                exact_state_len(members) + exact.workspace_len(),
-            )
+            exact_state_len(dims.marker_skin.exact_member_count) + exact.workspace_len()
         }
-        _ => (parts_cost(dims, budget).mul_adds, 0),
+        _ => 0,
     };
+    let operations = parts_cost(dims, budget).mul_adds;
     Some([operations, 4 * (numbers + more) as u64])
 }
 
