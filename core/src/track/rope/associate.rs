@@ -22,6 +22,8 @@ pub(super) const CANDIDATES: usize = 5;
 pub(super) const MISSING: usize = CANDIDATES;
 /// Cost of no point.
 pub(super) const COST_MISSING: f32 = 12.0;
+/// The same at an end of the rope.
+const END_MISSING: f32 = 6.0;
 /// Most that being far from the prediction can cost: less than a missing point, for a jerk is not
 /// announced and a point whose neighbours agree is better than none.
 pub(super) const COST_FAR: f32 = 8.0;
@@ -35,6 +37,19 @@ const COST_FOLDED: f32 = 10.0;
 /// Standard deviations of a segment beyond its learned spread, metres: longer, and shorter.
 const STRETCH: f32 = 0.003;
 const SLACK: f32 = 0.004;
+
+/// Price of no point for trace `i` of `count`.
+///
+/// Inside, a wrong point contradicts two lengths; at an end it contradicts one, so it must be half
+/// as doubtful.
+#[inline]
+pub(super) fn missing_price(i: usize, count: usize) -> f32 {
+    if i == 0 || i + 1 == count {
+        END_MISSING
+    } else {
+        COST_MISSING
+    }
+}
 
 /// What is known of a trace before its points are sought.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -93,6 +108,8 @@ type Costs = [f32; CANDIDATES + 1];
 pub(super) struct Association<const TRACES: usize, const POINTS: usize> {
     candidates: Row<[Candidate; CANDIDATES], TRACES>,
     counts: Row<u8, TRACES>,
+    /// Traces.
+    count: usize,
     missing: Row<f32, TRACES>,
     links: Row<[[f32; CANDIDATES]; CANDIDATES], TRACES>,
     forward: Row<Costs, TRACES>,
@@ -116,6 +133,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
         Self {
             candidates: Row::new(),
             counts: Row::new(),
+            count: 0,
             missing: Row::new(),
             links: Row::new(),
             forward: Row::new(),
@@ -125,16 +143,19 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
     }
 
     /// Finds the points of all traces that seek one and calls `found` for each success.
+    ///
+    /// `drift`: one over the variance between the surprises of a trace and the one before it.
     pub(super) fn solve(
         &mut self,
         measures: &Measures<TRACES>,
         goals: &Row<Goal, TRACES>,
-        drift: f32,
+        drift: &Row<f32, TRACES>,
         others: &Others<POINTS>,
         points: &mut Points<POINTS>,
         mut found: impl FnMut(Found),
     ) {
         let count = measures.count;
+        self.count = count;
         self.matching.clear();
         for i in 0..count {
             self.propose(i, goals.at(i), others, points);
@@ -203,7 +224,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 since,
                 most,
             } => {
-                self.missing.set(i, COST_MISSING);
+                self.missing.set(i, missing_price(i, self.count));
                 let scale = 1.0 / (doubt * doubt);
                 points.near(centre, gate, |point, surprise, square| {
                     let stranger = others.price(point, i, since, square);
@@ -237,7 +258,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
     fn pass_forward(
         &mut self,
         measures: &Measures<TRACES>,
-        drift: f32,
+        drift: &Row<f32, TRACES>,
         points: &mut Points<POINTS>,
     ) {
         let mut before: Costs = [0.0; CANDIDATES + 1];
@@ -255,6 +276,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             } else {
                 usize::from(self.counts.at(i - 1))
             };
+            let drift = drift.at(i);
             let previous_missing = before.get(MISSING).copied().unwrap_or_default();
             for ((b, cost), row) in own.iter().zip(&mut costs).zip(&mut links).take(count) {
                 let mut best = if i == 0 { 0.0 } else { previous_missing };
