@@ -16,8 +16,8 @@ use super::vector::{dot, length};
 use crate::row::Row;
 
 /// How far in spacings a marker may be from where its trace is, as a standard deviation and as a
-/// gate.
-const DOUBT: f32 = 0.7;
+/// gate. A rope that has slipped along itself is a whole spacing off.
+const DOUBT: f32 = 1.0;
 const GATE: f32 = 1.3;
 /// A link this unlikely makes a frame suspicious.
 const SUSPICIOUS: f32 = 1.5;
