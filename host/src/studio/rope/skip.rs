@@ -135,7 +135,7 @@ impl<'a> Skipper<'a> {
 }
 
 /// The scene's height over the body for which it was made.
-fn scale(avatar: &Avatar) -> f64 {
+pub(super) fn scale(avatar: &Avatar) -> f64 {
     crate::verify::height(&avatar.mesh.positions) / USUAL_HEIGHT
 }
 
