@@ -10,7 +10,7 @@
 use glam::Vec3;
 
 use super::others::Others;
-use super::points::Points;
+use super::points::{NONE, Points};
 use super::state::{LEAST_SPREAD, Measures};
 use super::vector::dot;
 use crate::row::Row;
@@ -22,6 +22,8 @@ pub(super) const CANDIDATES: usize = 5;
 pub(super) const MISSING: usize = CANDIDATES;
 /// Cost of no point.
 pub(super) const COST_MISSING: f32 = 12.0;
+/// The same at an end of the rope.
+const END_MISSING: f32 = 6.0;
 /// Most that being far from the prediction can cost: less than a missing point, for a jerk is not
 /// announced and a point whose neighbours agree is better than none.
 pub(super) const COST_FAR: f32 = 8.0;
@@ -35,6 +37,19 @@ const COST_FOLDED: f32 = 10.0;
 /// Standard deviations of a segment beyond its learned spread, metres: longer, and shorter.
 const STRETCH: f32 = 0.003;
 const SLACK: f32 = 0.004;
+
+/// Price of no point for trace `i` of `count`.
+///
+/// Inside, a wrong point contradicts two lengths; at an end it contradicts one, so it must be half
+/// as doubtful.
+#[inline]
+pub(super) fn missing_price(i: usize, count: usize) -> f32 {
+    if i == 0 || i + 1 == count {
+        END_MISSING
+    } else {
+        COST_MISSING
+    }
+}
 
 /// What is known of a trace before its points are sought.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -65,6 +80,14 @@ struct Candidate {
     cost: f32,
 }
 
+const NOBODY: [Candidate; CANDIDATES] = [Candidate {
+    point: NONE,
+    position: Vec3::ZERO,
+    surprise: Vec3::ZERO,
+    cost: 0.0,
+}; CANDIDATES];
+const UNLINKED: [[f32; CANDIDATES]; CANDIDATES] = [[0.0; CANDIDATES]; CANDIDATES];
+
 /// `x` up to `most`, hardly more beyond, so that the nearer of two far points still wins.
 #[inline]
 fn saturate(x: f32, most: f32) -> f32 {
@@ -93,6 +116,8 @@ type Costs = [f32; CANDIDATES + 1];
 pub(super) struct Association<const TRACES: usize, const POINTS: usize> {
     candidates: Row<[Candidate; CANDIDATES], TRACES>,
     counts: Row<u8, TRACES>,
+    /// Traces.
+    count: usize,
     missing: Row<f32, TRACES>,
     links: Row<[[f32; CANDIDATES]; CANDIDATES], TRACES>,
     forward: Row<Costs, TRACES>,
@@ -116,6 +141,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
         Self {
             candidates: Row::new(),
             counts: Row::new(),
+            count: 0,
             missing: Row::new(),
             links: Row::new(),
             forward: Row::new(),
@@ -125,16 +151,19 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
     }
 
     /// Finds the points of all traces that seek one and calls `found` for each success.
+    ///
+    /// `drift`: one over the variance between the surprises of a trace and the one before it.
     pub(super) fn solve(
         &mut self,
         measures: &Measures<TRACES>,
         goals: &Row<Goal, TRACES>,
-        drift: f32,
+        drift: &Row<f32, TRACES>,
         others: &Others<POINTS>,
         points: &mut Points<POINTS>,
         mut found: impl FnMut(Found),
     ) {
         let count = measures.count;
+        self.count = count;
         self.matching.clear();
         for i in 0..count {
             self.propose(i, goals.at(i), others, points);
@@ -160,8 +189,9 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             let others = costs.iter().enumerate().filter(|&(k, _)| k != slot);
             let next = others.fold(f32::MAX, |best, (_, &cost)| best.min(cost));
             let margin = next - own;
-            let candidates = self.candidates.at(i);
-            let surprise = candidates.get(slot).map_or(Vec3::ZERO, |c| c.surprise);
+            let candidates = self.candidates.as_slice(count).get(i);
+            let candidate = candidates.and_then(|list| list.get(slot));
+            let surprise = candidate.map_or(Vec3::ZERO, |c| c.surprise);
             let off = dot(surprise, surprise);
             found(Found {
                 trace: i,
@@ -180,19 +210,20 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
         others: &Others<POINTS>,
         points: &mut Points<POINTS>,
     ) {
-        let mut list = [Candidate::default(); CANDIDATES];
         let mut count = 0;
         self.missing.set(i, 0.0);
+        let trace_missing = missing_price(i, self.count);
         match goal {
             Goal::Skip => {}
             Goal::Fixed(point) => {
                 let position = points.at(usize::from(point));
-                let [first, ..] = &mut list;
-                *first = Candidate {
-                    point,
-                    position,
-                    ..Candidate::default()
-                };
+                self.candidates.edit(i, |[first, ..]| {
+                    *first = Candidate {
+                        point,
+                        position,
+                        ..Candidate::default()
+                    };
+                });
                 count = 1;
                 self.missing.set(i, f32::MAX);
             }
@@ -203,71 +234,75 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                 since,
                 most,
             } => {
-                self.missing.set(i, COST_MISSING);
+                self.missing.set(i, trace_missing);
                 let scale = 1.0 / (doubt * doubt);
-                points.near(centre, gate, |point, surprise, square| {
-                    let stranger = others.price(point, i, since, square);
-                    let cost = saturate(square * scale, most) + stranger;
-                    let place = list
-                        .iter()
-                        .take(count)
-                        .position(|c| c.cost > cost)
-                        .unwrap_or(count);
-                    if place >= CANDIDATES {
-                        return;
-                    }
-                    count = (count + 1).min(CANDIDATES);
-                    let position = centre + surprise;
-                    let mut carried = Candidate {
-                        point,
-                        position,
-                        surprise,
-                        cost,
-                    };
-                    for slot in list.iter_mut().take(count).skip(place) {
-                        core::mem::swap(slot, &mut carried);
-                    }
+                self.candidates.edit(i, |list| {
+                    points.near(centre, gate, |point, surprise, square| {
+                        let stranger = others.price(point, i, since, square);
+                        let cost = saturate(square * scale, most) + stranger;
+                        let place = list
+                            .iter()
+                            .take(count)
+                            .position(|c| c.cost > cost)
+                            .unwrap_or(count);
+                        if place >= CANDIDATES {
+                            return;
+                        }
+                        count = (count + 1).min(CANDIDATES);
+                        let position = centre + surprise;
+                        let mut carried = Candidate {
+                            point,
+                            position,
+                            surprise,
+                            cost,
+                        };
+                        for slot in list.iter_mut().take(count).skip(place) {
+                            core::mem::swap(slot, &mut carried);
+                        }
+                    });
                 });
             }
         }
-        self.candidates.set(i, list);
         self.counts.set(i, count as u8);
     }
 
     fn pass_forward(
         &mut self,
         measures: &Measures<TRACES>,
-        drift: f32,
+        drift: &Row<f32, TRACES>,
         points: &mut Points<POINTS>,
     ) {
         let mut before: Costs = [0.0; CANDIDATES + 1];
         let mut work = 0;
         for i in 0..measures.count {
-            let own = self.candidates.at(i);
+            let all = self.candidates.as_slice(measures.count);
             let count = usize::from(self.counts.at(i));
             let mut costs: Costs = [f32::MAX; CANDIDATES + 1];
-            let mut links = [[0.0; CANDIDATES]; CANDIDATES];
             // The predecessor's best, where neither end has a point to compare.
             let free = before.iter().fold(f32::MAX, |best, &c| best.min(c));
-            let previous = self.candidates.at(i.wrapping_sub(1));
             let previous_count = if i == 0 {
                 0
             } else {
                 usize::from(self.counts.at(i - 1))
             };
+            let drift = drift.at(i);
             let previous_missing = before.get(MISSING).copied().unwrap_or_default();
-            for ((b, cost), row) in own.iter().zip(&mut costs).zip(&mut links).take(count) {
-                let mut best = if i == 0 { 0.0 } else { previous_missing };
-                let pairs = previous.iter().zip(&before).zip(row).take(previous_count);
-                for ((a, &base), link) in pairs {
-                    let apart = b.surprise - a.surprise;
-                    *link = tension(measures, i.wrapping_sub(1), b.position - a.position)
-                        + saturate(dot(apart, apart) * drift, COST_APART);
-                    best = best.min(base + *link);
-                    work += 1;
+            let own = all.get(i).unwrap_or(&NOBODY);
+            let previous = all.get(i.wrapping_sub(1)).unwrap_or(&NOBODY);
+            self.links.edit(i, |links| {
+                for ((b, cost), row) in own.iter().zip(&mut costs).zip(links).take(count) {
+                    let mut best = if i == 0 { 0.0 } else { previous_missing };
+                    let pairs = previous.iter().zip(&before).zip(row).take(previous_count);
+                    for ((a, &base), link) in pairs {
+                        let apart = b.surprise - a.surprise;
+                        *link = tension(measures, i.wrapping_sub(1), b.position - a.position)
+                            + saturate(dot(apart, apart) * drift, COST_APART);
+                        best = best.min(base + *link);
+                        work += 1;
+                    }
+                    *cost = b.cost + best;
                 }
-                *cost = b.cost + best;
-            }
+            });
             if let Some(cost) = costs.get_mut(MISSING) {
                 let missing = self.missing.at(i);
                 *cost = if missing < f32::MAX {
@@ -276,7 +311,6 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
                     f32::MAX
                 };
             }
-            self.links.set(i, links);
             self.forward.set(i, costs);
             before = costs;
         }
@@ -297,9 +331,9 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             }
             self.total.set(i, total);
             // What trace `i` and everything after it costs, for each state of trace `i - 1`.
-            let own = self.candidates.at(i);
+            let own = self.candidates.as_slice(count).get(i).unwrap_or(&NOBODY);
             let mine = usize::from(self.counts.at(i));
-            let links = self.links.at(i);
+            let links = self.links.as_slice(count).get(i).unwrap_or(&UNLINKED);
             let missing = self.missing.at(i);
             let [.., after_missing] = after;
             let alone = if missing < f32::MAX {
@@ -316,7 +350,7 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
             let before = usize::from(self.counts.at(i.wrapping_sub(1)));
             for (k, slot) in next.iter_mut().take(CANDIDATES.min(before)).enumerate() {
                 let mut best = alone;
-                for ((c, &tail), row) in own.iter().zip(&after).zip(&links).take(mine) {
+                for ((c, &tail), row) in own.iter().zip(&after).zip(links).take(mine) {
                     let link = row.get(k).copied().unwrap_or_default();
                     best = best.min(c.cost + tail + link);
                     work += 1;
@@ -334,7 +368,8 @@ impl<const TRACES: usize, const POINTS: usize> Association<TRACES, POINTS> {
         let [.., missing] = total;
         self.matching.add(i, missing);
         let count = usize::from(self.counts.at(i));
-        let list = self.candidates.at(i);
+        let list = self.candidates.as_slice(self.count).get(i);
+        let list = list.unwrap_or(&NOBODY);
         for (candidate, &cost) in list.iter().zip(&total).take(count) {
             self.matching.offer(i, candidate.point, cost);
         }

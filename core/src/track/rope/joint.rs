@@ -81,14 +81,12 @@ fn follow<const TRACES: usize, const POINTS: usize>(
     let spacing = track.measures.spacing;
     let (narrowest, widest) = (NARROWEST_GATE * spacing, WIDEST_GATE * spacing);
     let most = 0.4 * spacing;
-    let mut typical = 0.0;
     let mut goals = Row::<Goal, TRACES>::new();
     for i in 0..track.measures.count {
         let gap = track.gap.at(i);
         // Without any support a gap's own prediction is all there is.
         if gap == 0 || was_blind {
             let surprise = track.surprise(i);
-            typical += surprise * surprise;
             let wary = (WARINESS * surprise).min(most).max(LEAST_DOUBT);
             let doubt = wary * (1.0 + 0.7 * f32::from(gap));
             goals.set(
@@ -103,9 +101,13 @@ fn follow<const TRACES: usize, const POINTS: usize>(
             );
         }
     }
-    let typical = typical / (track.measures.count.max(1) as f32);
-    let drift = 1.0 / (1.5 * typical).max(LEAST_APART * LEAST_APART);
-    associate(track, association, others, points, &goals, drift);
+    // A calm end beside a hand moves with its neighbour although the middle hits the floor.
+    let mut drift = Row::<f32, TRACES>::new();
+    for i in 0..track.measures.count {
+        let square = 1.5 * track.surprise_square(i);
+        drift.set(i, 1.0 / square.max(LEAST_APART * LEAST_APART));
+    }
+    associate(track, association, others, points, &goals, &drift);
 }
 
 /// Points for the traces that are still without one, around where the fill puts them.
@@ -146,14 +148,9 @@ fn recover<const TRACES: usize, const POINTS: usize>(
         from = run.end;
     }
     let apart = 0.2 * spacing;
-    associate(
-        track,
-        association,
-        others,
-        points,
-        &goals,
-        1.0 / (apart * apart),
-    );
+    let mut drift = Row::<f32, TRACES>::new();
+    drift.fill(1.0 / (apart * apart));
+    associate(track, association, others, points, &goals, &drift);
 }
 
 /// Solves for `goals` and enters what can be trusted.
@@ -163,7 +160,7 @@ fn associate<const TRACES: usize, const POINTS: usize>(
     others: &Others<POINTS>,
     points: &mut Points<POINTS>,
     goals: &Row<Goal, TRACES>,
-    drift: f32,
+    drift: &Row<f32, TRACES>,
 ) {
     let count = track.measures.count;
     let mut found = Row::<Option<Found>, TRACES>::new();

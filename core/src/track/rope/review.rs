@@ -6,7 +6,7 @@
 //! once more from the segments' lengths alone, and when that has been better for long enough, its
 //! labelling is taken.
 
-use super::associate::{Association, COST_MISSING, Goal, tension};
+use super::associate::{Association, COST_MISSING, Goal, missing_price, tension};
 use super::fill::Run;
 use super::joint::fill_runs;
 use super::others::Others;
@@ -16,8 +16,8 @@ use super::vector::{dot, length};
 use crate::row::Row;
 
 /// How far in spacings a marker may be from where its trace is, as a standard deviation and as a
-/// gate.
-const DOUBT: f32 = 0.7;
+/// gate. A rope that has slipped along itself is a whole spacing off.
+const DOUBT: f32 = 1.0;
 const GATE: f32 = 1.3;
 /// A link this unlikely makes a frame suspicious.
 const SUSPICIOUS: f32 = 1.5;
@@ -62,9 +62,16 @@ pub(super) fn review<const TRACES: usize, const POINTS: usize>(
     points.release_all();
     let mut labels = Row::<u16, TRACES>::new();
     labels.fill(NONE);
-    association.solve(&track.measures, &goals, 0.0, others, points, |found| {
-        labels.set(found.trace, found.point);
-    });
+    association.solve(
+        &track.measures,
+        &goals,
+        &Row::new(),
+        others,
+        points,
+        |found| {
+            labels.set(found.trace, found.point);
+        },
+    );
     let gain = price(track, others, points, &track.point) - price(track, others, points, &labels);
     if gain > LEAST_GAIN {
         track.unease += gain;
@@ -159,7 +166,7 @@ fn price<const TRACES: usize, const POINTS: usize>(
     for i in 0..track.measures.count {
         let point = labels.at(i);
         if point == NONE {
-            sum += COST_MISSING;
+            sum += missing_price(i, track.measures.count);
         } else {
             let off = points.at(usize::from(point)) - track.pose.now.at(i);
             let square = dot(off, off);

@@ -185,10 +185,15 @@ impl<const TRACES: usize> Track<TRACES> {
 
     /// Root mean square of the recent prediction errors of a marker and its neighbours, metres.
     pub(super) fn surprise(&self, i: usize) -> f32 {
+        let mean = self.surprise_square(i);
+        mean * inverse_sqrt(mean)
+    }
+
+    /// Mean square of the same, square metres.
+    pub(super) fn surprise_square(&self, i: usize) -> f32 {
         let last = self.measures.count.saturating_sub(1);
         let around = [i.saturating_sub(1), i, (i + 1).min(last)];
-        let mean = around.iter().map(|&k| self.surprise.at(k)).sum::<f32>() / 3.0;
-        mean * inverse_sqrt(mean)
+        around.iter().map(|&k| self.surprise.at(k)).sum::<f32>() * (1.0 / 3.0)
     }
 
     /// Starts a frame: nothing is measured yet.

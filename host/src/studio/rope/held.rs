@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3};
 
 use super::body::Capsule;
 use super::motion::Draught;
-use super::skip::PALM;
+use super::skip::{PALM, scale};
 use super::{Motion, RopeModel, Scene, SceneError};
 use crate::fit::humanoid::{Part, Role, Side};
 use crate::fit::{Humanoid, Which};
@@ -188,6 +188,7 @@ pub fn hold(
     let obstacles = obstacles(body.avatar(), &hands.arms);
     let start = body.performance().pose(0.0);
     let mut rope = scene.settled(hands.at(&start));
+    let scale = scale(body.avatar());
     let driver = (scene.motion == Motion::Skipping).then(|| scene.driver());
     let rate = body.scene().rate;
     let steps = (scene.model.steps_per_second() / rate).ceil() as usize;
@@ -227,9 +228,9 @@ pub fn hold(
         for step in 1..=steps {
             let t = now + step as f64 * dt;
             let pose = body.performance().pose(t);
-            let draught = driver
-                .as_ref()
-                .map_or(Draught::still(0.0), |driver| driver.draught(t));
+            let draught = driver.as_ref().map_or(Draught::still(0.0), |driver| {
+                driver.draught(t).scaled(scale)
+            });
             rope.step(dt, hands.at(&pose), &capsules(&obstacles, &pose), &draught);
         }
         if rope

@@ -85,6 +85,8 @@ pub struct Take {
     seed: u64,
 }
 
+/// Middle of a standing person's feet along Z, metres.
+const FEET: f64 = 0.05;
 /// Frames that one take may hold.
 const MOST_FRAMES: f64 = 100_000.0;
 
@@ -174,23 +176,26 @@ impl Scene {
     pub fn film(&self) -> Result<Take, SceneError> {
         self.check()?;
         if !(self.people && self.motion == Motion::Skipping) {
-            return self.run(self.people, &|_| 0.0);
+            return self.run(self.people, 1.0, &|_| 0.0);
         }
         // A skipper jumps when the rope comes: find out when it does, then let them meet.
         let passes = self.passes(1.0)?;
-        self.run(true, &|t| jump(&passes, t))
+        self.run(true, 1.0, &|t| jump(&passes, t))
     }
 
-    /// When the rope passes below the feet, seconds, if nobody stands there.
+    /// When the rope passes below the feet, seconds, if nobody stands there; hands are `scale`
+    /// times as high and as far apart as the driver has them.
     fn passes(&self, scale: f64) -> Result<Vec<f64>, SceneError> {
-        let alone = self.run(false, &|_| 0.0)?;
+        let alone = self.run(false, scale, &|_| 0.0)?;
         let middle = self.model.markers / 2;
-        let low = |w: &[Vec<DVec3>]| {
-            let y = |k: usize| w[k][middle].y;
-            y(1) < 0.3 * scale && y(1) <= y(0) && y(1) < y(2)
+        let below = |(frame, w): (usize, &[Vec<DVec3>])| {
+            let (from, to) = (w[0][middle], w[1][middle]);
+            let feet = FEET * scale;
+            let meets = from.z < feet && to.z >= feet && from.y.min(to.y) < 0.3 * scale;
+            let part = (feet - from.z) / (to.z - from.z);
+            meets.then(|| (frame as f64 + part) / self.rate)
         };
-        let frames = alone.rope.windows(3).enumerate().filter(|(_, w)| low(w));
-        let times = frames.map(|(frame, _)| (frame + 1) as f64 / self.rate);
+        let times = alone.rope.windows(2).enumerate().filter_map(below);
         Ok(times.filter(|t| *t > motion::REST + 0.3).collect())
     }
 
@@ -229,9 +234,10 @@ impl Scene {
         (0..ends).map(one).collect()
     }
 
-    fn run(&self, people: bool, lift: &dyn Fn(f64) -> f64) -> Result<Take, SceneError> {
+    fn run(&self, people: bool, scale: f64, lift: &dyn Fn(f64) -> f64) -> Result<Take, SceneError> {
         let driver = self.driver();
-        let mut rope = self.settled(driver.hands(0.0));
+        let hands = |t: f64| driver.hands(t).map(|hand| hand.map(|place| place * scale));
+        let mut rope = self.settled(hands(0.0));
         let steps = (self.model.steps_per_second() / self.rate).ceil() as usize;
         let dt = 1.0 / (self.rate * steps as f64);
         let frames = (self.seconds * self.rate) as usize;
@@ -262,7 +268,7 @@ impl Scene {
             for step in 1..=steps {
                 let t = now + step as f64 * dt;
                 let capsules = Self::touched(stand(&driver, t));
-                rope.step(dt, driver.hands(t), &capsules, &driver.draught(t));
+                rope.step(dt, hands(t), &capsules, &driver.draught(t).scaled(scale));
             }
             if rope
                 .velocities

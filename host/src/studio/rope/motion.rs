@@ -74,6 +74,14 @@ impl Draught {
         }
     }
 
+    /// The same about an axis `scale` times as far from the origin.
+    pub(super) fn scaled(self, scale: f64) -> Self {
+        Self {
+            axis: self.axis * scale,
+            ..self
+        }
+    }
+
     pub(super) fn acceleration(&self, position: DVec3, velocity: DVec3) -> DVec3 {
         let arm = position - self.axis;
         let wind = DVec3::new(0.0, arm.z, -arm.y) * self.turning;

@@ -15,6 +15,9 @@ use crate::model::{Avatar, Channel, Clip, Skeleton, Track, Transform};
 const USUAL_HEIGHT: f64 = 1.72;
 /// Keys a second.
 const RATE: f64 = 60.0;
+/// Distance of the feet, as a share of that at rest: a rope that hangs low enough to be jumped
+/// over would catch on feet farther apart.
+const TOGETHER: f64 = 0.45;
 /// From wrist to palm, metres; the palm grips the rope.
 pub(super) const PALM: f64 = 0.08;
 
@@ -114,7 +117,8 @@ impl<'a> Skipper<'a> {
         let raised = above.inverse().transform_point3(self.at(self.hips) + up);
         local[self.hips].translation = raised;
         for (leg, side) in self.legs.iter().zip([1.0, -1.0]) {
-            let goal = self.at(leg.end) + DVec3::Y * lift.max(0.0);
+            let foot = self.at(leg.end);
+            let goal = DVec3::new(TOGETHER * foot.x, foot.y + lift.max(0.0), foot.z);
             self.reach(
                 &mut local,
                 leg,
@@ -135,7 +139,7 @@ impl<'a> Skipper<'a> {
 }
 
 /// The scene's height over the body for which it was made.
-fn scale(avatar: &Avatar) -> f64 {
+pub(super) fn scale(avatar: &Avatar) -> f64 {
     crate::verify::height(&avatar.mesh.positions) / USUAL_HEIGHT
 }
 
