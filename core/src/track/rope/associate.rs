@@ -22,8 +22,10 @@ pub(super) const CANDIDATES: usize = 5;
 pub(super) const MISSING: usize = CANDIDATES;
 /// Cost of no point.
 pub(super) const COST_MISSING: f32 = 12.0;
-/// The same at an end of the rope.
+/// The same at an end of a rope that is not [`SHORT`].
 const END_MISSING: f32 = 6.0;
+/// Ropes of fewer markers are short.
+const SHORT: usize = 8;
 /// Most that being far from the prediction can cost: less than a missing point, for a jerk is not
 /// announced and a point whose neighbours agree is better than none.
 pub(super) const COST_FAR: f32 = 8.0;
@@ -41,10 +43,11 @@ const SLACK: f32 = 0.004;
 /// Price of no point for trace `i` of `count`.
 ///
 /// Inside, a wrong point contradicts two lengths; at an end it contradicts one, so it must be half
-/// as doubtful.
+/// as doubtful. In a rope of a few markers every trace is near an end, and its point is the best
+/// there is.
 #[inline]
 pub(super) fn missing_price(i: usize, count: usize) -> f32 {
-    if i == 0 || i + 1 == count {
+    if count >= SHORT && (i == 0 || i + 1 == count) {
         END_MISSING
     } else {
         COST_MISSING
