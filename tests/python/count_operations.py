@@ -23,7 +23,7 @@ EMULATOR = [
     "-d", "in_asm,exec,nochain",
 ]  # fmt: skip
 INSTRUCTION = re.compile(r"^0x([0-9a-f]+):\s+(?:[0-9a-f]{4} ?)+\s+(\S+)")
-EXECUTED = re.compile(r"^Trace \d+: \S+ \[\w+/([0-9a-f]+)/")
+EXECUTED = re.compile(r"^Trace \d+: (\S+) \[\w+/([0-9a-f]+)/")
 MULTIPLY = ("vmul", "vnmul", "vmla", "vmls", "vnmla", "vnmls", "vfma", "vfms", "vfnma", "vfnms")
 KINDS = {"mul_adds": MULTIPLY, "divisions": ("vdiv",), "adds": ("vadd", "vsub"), "roots": ("vsqrt",)}
 
@@ -34,28 +34,40 @@ def kinds_of(mnemonic):
 
 
 def frames(lines):
-    """Yields a counter for each marked frame."""
-    blocks, inside, block, counts, start = {}, False, None, None, None
+    """Yields a counter for each marked frame.
+
+    A block is known by where its translation lies: the emulator translates a shorter one from the
+    same address where its time slice ends, and says so where it stopped before a block.
+    """
+    fresh, blocks, inside, block, counts, start, last = {}, {}, False, None, None, None, None
     for line in lines:
         if line.startswith("Trace"):
             found = EXECUTED.match(line)
             if not found:
                 continue
+            place, start = found[1], int(found[2], 16)
+            if start in fresh:
+                blocks[place] = fresh.pop(start)
             name = line.rstrip().rsplit("] ", 1)[-1]
+            last = None
             if name == "frame_begins":
                 inside, counts = True, Counter()
             elif name == "frame_ends" and inside:
                 inside = False
                 yield counts
             elif inside:
-                counts.update(blocks.get(int(found[1], 16), {}))
+                last = blocks.get(place, {})
+                counts.update(last)
+        elif line.startswith("Stopped execution") and last is not None:
+            counts.subtract(last)
+            last = None
         elif line.startswith("IN:"):
             block = Counter()
             start = None
         elif block is not None and (found := INSTRUCTION.match(line)):
             if start is None:
                 start = int(found[1], 16)
-                blocks[start] = block
+                fresh[start] = block
             block["instructions"] += 1
             block.update(kinds_of(found[2]))
 
