@@ -40,7 +40,7 @@ impl<'a> Collapsed<'a> {
         let table = PartsTable::MarkerSlots;
         for block in 0..blocks {
             let mut sums = [0.0_f32; LANES];
-            for (_, shares) in slots.positions.row(block) {
+            for (_, shares) in slots.positions.entries(block) {
                 for (sum, share) in sums.iter_mut().zip(shares) {
                     *sum += share;
                 }

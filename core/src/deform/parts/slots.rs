@@ -39,7 +39,7 @@ impl<'a, Shares> MarkerRows<'a, Shares> {
     }
 
     #[inline(always)]
-    pub(super) fn row(
+    pub(super) fn entries(
         &self,
         block: usize,
     ) -> impl Iterator<Item = (u16, &'a Shares)> + use<'a, Shares> {
@@ -74,7 +74,7 @@ impl MarkerSlots<'_> {
         (block, first): (usize, usize),
         position: &mut [L; 3],
     ) {
-        for (marker, share) in self.positions.row(block) {
+        for (marker, share) in self.positions.entries(block) {
             let share = L::load(token, share, first);
             for (sum, value) in position.iter_mut().zip(handle(handles, marker)) {
                 *sum = sum.add(L::splat(token, value).mul(share));
@@ -91,7 +91,7 @@ impl MarkerSlots<'_> {
         (block, first): (usize, usize),
         tangents: &mut [[L; 3]; 2],
     ) {
-        for (marker, shares) in self.tangents.row(block) {
+        for (marker, shares) in self.tangents.entries(block) {
             let [x, y, z] = handle(handles, marker);
             let (x, y, z) = (L::splat(token, x), L::splat(token, y), L::splat(token, z));
             for ([a, b, c], share) in tangents.iter_mut().zip(shares) {
@@ -107,7 +107,7 @@ impl MarkerSlots<'_> {
     /// registers of a Cortex-M, so a marker is fetched once.
     #[inline(always)]
     pub(super) fn scalar_positions(&self, handles: &[[f32; 3]], block: usize, sums: &mut Lanes3) {
-        for (marker, shares) in self.positions.row(block) {
+        for (marker, shares) in self.positions.entries(block) {
             add_lanes(sums, handle(handles, marker), shares);
         }
     }
@@ -120,7 +120,7 @@ impl MarkerSlots<'_> {
         (block, half): (usize, usize),
         sums: &mut [[[f32; LANES / 2]; 3]; 2],
     ) {
-        for (marker, shares) in self.tangents.row(block) {
+        for (marker, shares) in self.tangents.entries(block) {
             let handle = handle(handles, marker);
             for (sums, shares) in sums.iter_mut().zip(shares) {
                 if let Some(shares) = shares.as_chunks().0.get(half) {
