@@ -4,7 +4,7 @@ use super::header::count;
 use super::{Asset, SectionKind};
 use crate::deform::parts::{
     Collapsed, Exact, ExactTables, Hybrid, MarkerRig, MarkerRigTables, MarkerSlots, PartBlocks,
-    PartsError,
+    PartsError, row,
 };
 
 /// Words of the group in the header.
@@ -223,17 +223,14 @@ impl MarkerSkin<'_> {
             MarkerMode::Collapsed(_) => return Some([0; 4]),
             MarkerMode::Hybrid(hybrid) => (*hybrid.part_blocks(), &[][..]),
         };
-        let lengths = |starts: &'_ [u32], row: usize| match (starts.get(row), starts.get(row + 1)) {
-            (Some(&first), Some(&end)) => end.saturating_sub(first),
-            _ => 0,
-        };
-        let rigid = (0..blocks.block_count()).filter(|&block| lengths(blocks.starts, block) == 1);
+        let length = |starts, at| row(starts, at).len() as u32;
+        let rigid = (0..blocks.block_count()).filter(|&block| length(blocks.starts, block) == 1);
         let (mut pairs, mut squares, mut cubes) = (0_u32, 0_u32, 0_u32);
         for &part in blocks.parts {
-            pairs = pairs.checked_add(lengths(members, usize::from(part)))?;
+            pairs = pairs.checked_add(length(members, usize::from(part)))?;
         }
         for part in 0..members.len().saturating_sub(1) {
-            let count = lengths(members, part);
+            let count = length(members, part);
             let square = count.checked_mul(count)?;
             squares = squares.checked_add(square)?;
             cubes = cubes.checked_add(square.checked_mul(count)?)?;

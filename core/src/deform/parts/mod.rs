@@ -41,6 +41,7 @@ pub use hybrid::{Hybrid, PartFrames};
 pub use rig::{FollowReport, Followed, MarkerRig, RigState, rig_state_len, rig_workspace_len};
 pub(crate) use rig::{HELD, REFITS};
 pub use rig_check::MarkerRigTables;
+pub(crate) use slots::row;
 pub use slots::{MarkerRows, MarkerSlots, PartBlocks};
 
 /// Two unit tangents of a unit normal, right-handed with it (Duff et al., *Building an Orthonormal

@@ -233,7 +233,7 @@ pub(super) static ORIGIN: Lanes3 = [[0.0; LANES]; 3];
 
 /// The entries of a row.
 #[inline(always)]
-pub(super) fn row(starts: &[u32], row: usize) -> core::ops::Range<usize> {
+pub(crate) fn row(starts: &[u32], row: usize) -> core::ops::Range<usize> {
     match (starts.get(row), starts.get(row + 1)) {
         (Some(&first), Some(&end)) => first as usize..end as usize,
         _ => 0..0,
